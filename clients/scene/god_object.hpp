@@ -7,7 +7,7 @@
 
 namespace rtpm::scene {
 
-/// Far beyond any workspace.
+/// A limit for coordinates, far beyond any workspace.
 inline constexpr double kExtentMetre = 100;
 /// Whether a point is finite and within kExtentMetre. Alloc-free.
 [[nodiscard]] bool is_position(const driver::Vector3& point_m) noexcept;

@@ -37,7 +37,7 @@ struct Scene {
   [[nodiscard]] double clearance_m(const driver::Vector3& point_m) const noexcept;
   /// The unit direction in which the clearance grows fastest; +z at the sphere's centre.
   [[nodiscard]] driver::Vector3 normal(const driver::Vector3& point_m) const noexcept;
-  /// The z of the surface of plane or texture.
+  /// The z coordinate of the surface of a plane or texture.
   [[nodiscard]] double height_m(double x_m) const noexcept;
   /// The sphere's centre.
   [[nodiscard]] driver::Vector3 centre_m() const noexcept { return {0, 0, face_m - kRadiusMetre}; }

@@ -24,9 +24,9 @@ class DeviceState {
   /// Processes a sample that the hub delivered.
   void take_sample(std::uint64_t sequence, MonotonicTime now);
   void take_lease(gvd::LeaseState state, MonotonicTime since);
-  /// Notes that the device's name is bound at this name service.
+  /// Records that the device's name is bound at this name service.
   void set_bound(const std::string& service_url);
-  /// Notes that the device's name has expired: its server hangs, is dead, or is cut off.
+  /// Records that the device's name has expired: its server hangs, is dead, or is cut off.
   void set_lost(MonotonicTime since, const std::string& url);
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }

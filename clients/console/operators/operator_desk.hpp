@@ -47,7 +47,7 @@ class OperatorDesk {
   /// Records that a browser which may command has connected. A reloaded page resumes the devices
   /// that it operated.
   void on_open(std::uint64_t connection_id, MonotonicTime now);
-  /// Notes that the browser is gone, which gives it kGoneMax to come back.
+  /// Records that the browser is gone, which gives it kGoneMax to come back.
   /// @param since  when the connection ended or was last heard
   void on_close(std::uint64_t connection_id, MonotonicTime since);
   /// How much longer the console holds the device's lease after the browser has gone; nullopt if

@@ -18,7 +18,7 @@ enum class CloseCode : std::uint16_t {
   kTryAgainLater = 1013
 };
 
-/// A client, as its handler sees it.
+/// A client, as the handler sees it.
 /// @threads  the web server's thread
 class Connection {
  public:

@@ -82,7 +82,7 @@ class Broker {
   void publish(const std::string& topic, ConstBytes payload, std::uint64_t schema_id,
                std::uint8_t hops);
   [[nodiscard]] BrokerCounters counters() const;
-  /// Whether it is connected and subscribed.
+  /// Whether the bridge is connected to the broker and subscribed.
   [[nodiscard]] bool is_connected() const noexcept { return is_connected_; }
   /// Why it is not connected; empty if it is.
   [[nodiscard]] std::string reason() const;

@@ -33,7 +33,7 @@ class Context;
 /// Runs a command. @return the exit code
 using Run = std::function<int(Context&)>;
 
-/// What all commands share: the common options, and access to other programs.
+/// The common parts of all commands: their options, and access to other programs.
 /// @threads  one
 class Context {
  public:

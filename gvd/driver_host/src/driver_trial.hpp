@@ -29,9 +29,9 @@ class DriverTrial {
   bool start();
   driver::ExchangeStatus exchange(const driver::Setpoint& setpoint);
   driver::ExchangeStatus exchange(driver::CommandMode mode, const driver::Wrench& wrench = {});
-  /// Notes `fault` if `holds` is false, and returns `holds`.
+  /// Records `fault` if `holds` is false, and returns `holds`.
   bool expect(bool holds, const std::string& fault);
-  /// Notes an exchange() that is not kOk.
+  /// Records an exchange() that is not kOk.
   bool expect_ok(driver::ExchangeStatus status);
   /// Lets time pass without an exchange().
   void pass(Duration time) { now_ += time; }

@@ -22,7 +22,7 @@ class DeviceJobs {
 
   /// Makes the device's thread run all jobs from now on. Waits for a job that runs without it.
   void begin();
-  /// Notes that the device's thread has ended.
+  /// Records that the device's thread has ended.
   void end();
   /// Calls `work` and returns true, or returns false if the device's thread has not started it
   /// within `patience`: then it never runs. Waits for a job that has started.

@@ -36,7 +36,7 @@ class HeldOutputs {
   void take() noexcept {
     if (const auto newest = mailbox_.take()) held_ = *newest;
   }
-  /// Notes a command of force or motion. If its outputs are all zero, the held outputs do not
+  /// Records a command of force or motion. If its outputs are all zero, the held outputs do not
   /// change, and last as long as the command.
   void follow(MonotonicTime now, std::uint64_t lease, const driver::Setpoint& setpoint,
               MonotonicTime deadline) noexcept {

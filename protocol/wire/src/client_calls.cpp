@@ -320,7 +320,7 @@ ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
   return {.kind = ChannelEvent::Kind::kSend, .call = index_of(*call), .frame = frame};
 }
 
-// Notes that the server has the call.
+// Records that the server has the call.
 void ClientChannel::hear(Call& call) noexcept {
   call.has_answered = true;
   call.request.clear();

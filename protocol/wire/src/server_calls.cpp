@@ -299,7 +299,7 @@ ServerSessions::Answer ServerSessions::on_cancel(const Header& header, ConstByte
   return {};
 }
 
-// Notes that the caller gave up. The running servant is notified if the request has a tag.
+// Records that the caller gave up. The running servant is notified if the request has a tag.
 void ServerSessions::cancel(Slot& slot) noexcept {
   if (slot.state != Slot::State::kRunning || std::exchange(slot.is_unawaited, true)) return;
   if (slot.tag != 0) cancelled_.push_back(slot.tag);

@@ -29,13 +29,13 @@ class TickClock {
   [[nodiscard]] std::int64_t time_at(std::uint64_t ticks) noexcept {
     return tell(anchor_ns_ + passed_ns(ticks - anchor_ticks_));
   }
-  /// Notes that the system's clock showed `ns`, at an unknown tick.
+  /// Records that the system's clock showed `ns`, at an unknown tick.
   [[nodiscard]] std::int64_t tell(std::int64_t ns) noexcept {
     return last_ns_ = std::max(last_ns_, ns);
   }
 
-  /// Notes that the system's clock showed `ns` at `ticks`. Returns the time, never earlier than one
-  /// before.
+  /// Records that the system's clock showed `ns` at `ticks`. Returns the time, never earlier than
+  /// one before.
   [[nodiscard]] std::int64_t anchor(std::uint64_t ticks, std::int64_t ns) noexcept {
     const std::int64_t time_ns = tell(ns);
     anchor_ticks_ = ticks;

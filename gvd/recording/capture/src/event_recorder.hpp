@@ -76,7 +76,7 @@ class EventRecorder {
     std::vector<std::byte> payload{};
     MonotonicTime received{};
   };
-  /// Whether the right channel of such an event is known.
+  /// Whether the right channel for an event with this header is known.
   [[nodiscard]] bool is_settled(const events::EventHeader& header,
                                 const events::EventDescriptor* type) const;
   [[nodiscard]] bool lacks_name(const events::EventHeader& header) const;

@@ -30,7 +30,7 @@ class Link final : private EventHandler {
   ~Link() override;
   [[nodiscard]] expected<void, SetupError> start();
 
-  /// Notes that the host's interest has changed. Returns at once.
+  /// Records that the host's interest has changed. Returns at once.
   void on_interest_changed();
   /// The status without the host's counters.
   [[nodiscard]] LinkStatus status() const;

@@ -33,11 +33,11 @@ class Idling {
   [[nodiscard]] bool is_blocking() const noexcept {
     return wait_.strategy == rt::WaitStrategy::kBlock;
   }
-  /// Notes a call of `session`.
+  /// Records a call of `session`.
   void on_call(std::uint64_t session, MonotonicTime received) noexcept {
     if (wait_.strategy == rt::WaitStrategy::kPeriodic) predictor_.on_arrival(session, received);
   }
-  /// Notes that there was work; the last frame arrived at `received`.
+  /// Records that there was work; the last frame arrived at `received`.
   void on_work(MonotonicTime received) noexcept {
     polling_end_ = kNever;
     estimator_.on_work(received);
@@ -55,7 +55,8 @@ class Idling {
     if (now >= window->from) return {.polls = true};
     return {.is_prediction = true, .until = window->from};
   }
-  /// Notes that the sleep requested by `slept` ended at `now`. If there is work, on_work() follows.
+  /// Records that the sleep requested by `slept` ended at `now`. If there is work, on_work()
+  /// follows.
   void on_woken(const Next& slept, MonotonicTime now, bool has_work) noexcept {
     if (has_work) return;
     // A sleep that ended without work does not restart polling.

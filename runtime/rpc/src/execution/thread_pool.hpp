@@ -100,7 +100,7 @@ class ThreadPool final : public transport::WaitLock {
   }
   [[nodiscard]] std::uint32_t running_count() const noexcept { return running_count_; }
   void end_run() noexcept { --running_count_; }
-  /// Notes that a thread of a lower lane runs a call of this one, until end_run().
+  /// Records that a thread of a lower lane runs a call of this one, until end_run().
   void begin_borrowed_run() noexcept { ++running_count_; }
 
   /// Takes the lead for the calling thread; false if another thread has it.
@@ -120,7 +120,7 @@ class ThreadPool final : public transport::WaitLock {
   /// Announces that a lent thread is about to return, so that calls may wait for it.
   /// @threads  any
   void expect_back() noexcept { coming_back_.fetch_add(1, std::memory_order_relaxed); }
-  /// Notes that the thread is back, or will not return after all.
+  /// Records that the thread is back, or will not return after all.
   /// @threads  any
   void end_expecting() noexcept { coming_back_.fetch_sub(1, std::memory_order_relaxed); }
 
@@ -134,7 +134,7 @@ class ThreadPool final : public transport::WaitLock {
   [[nodiscard]] bool is_thread_wanted() const noexcept {
     return asking_.load(std::memory_order_acquire) == Asking::kWanted;
   }
-  /// Notes that the system has no thread left.
+  /// Records that the system has no thread left.
   /// @threads  any
   void refuse_thread() noexcept { asking_.store(Asking::kRefused, std::memory_order_release); }
   /// Registers the calling thread at its start.

@@ -28,11 +28,11 @@ class Attention {
   [[nodiscard]] SourceTag hot() const noexcept { return hot_; }
   void set_hot(SourceTag source) noexcept { hot_ = source; }
 
-  /// Notes a turn that served open calls. True if callers should be polled next.
+  /// Records a turn that served open calls. True if callers should be polled next.
   [[nodiscard]] bool on_own_work() noexcept { return ++own_streak_ >= kStreakMax; }
-  /// Notes a turn that polls callers.
+  /// Records a turn that polls callers.
   void on_turn() noexcept { own_streak_ = 0; }
-  /// Notes that there was no work at `now`.
+  /// Records that there was no work at `now`.
   void on_idle(MonotonicTime now) noexcept { idle_ = now; }
 
   /// Whether to poll the other shared-memory connections, after a frame at `received`.
@@ -48,12 +48,12 @@ class Attention {
   }
   /// Whether to poll the system while no frames arrive.
   [[nodiscard]] bool is_idle_look_due() noexcept { return since_look(idle_) >= look_interval_; }
-  /// Notes that the system is polled, or waited for.
+  /// Records that the system is polled, or waited for.
   void on_look() noexcept {
     streak_ = 0;
     last_look_ = kNever;
   }
-  /// Notes the result of a poll without waiting.
+  /// Records the result of a poll without waiting.
   void on_looked(bool has_found, bool is_memory_hot) noexcept {
     look_interval_ = has_found || !is_memory_hot ? kLookIntervalMin : 2 * look_interval_;
     if (look_interval_ > kLookIntervalMax) look_interval_ = kLookIntervalMax;

@@ -42,7 +42,7 @@ class Connections {
   [[nodiscard]] std::span<Slot* const> of_medium(bool is_memory) const noexcept {
     return is_memory ? memory_ : streams_;
   }
-  /// Null once the connection has ended.
+  /// The connection with this tag; null once it has ended.
   [[nodiscard]] Slot* find(SourceTag tag) noexcept;
   [[nodiscard]] Slot* of_peer(const wire::PeerAddress& peer) noexcept;
   [[nodiscard]] SourceTag tag_of(const Slot& slot) const noexcept {

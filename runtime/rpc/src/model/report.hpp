@@ -29,17 +29,17 @@ class LaneReport {
     is_due_ = true;
     return sample_;
   }
-  /// Notes a change of counts that `census` adds on publishing.
+  /// Records a change of counts that `census` adds on publishing.
   void mark(Lead&) noexcept { is_due_ = true; }
-  /// Notes that a call's answer was written.
+  /// Records that a call's answer was written.
   void on_answered(Lead&, MonotonicTime now) noexcept { answered_ = now; }
-  /// Notes that a frame received at `received` was handled.
+  /// Records that a frame received at `received` was handled.
   void end_cycle(Lead&, MonotonicTime received) noexcept;
-  /// Notes that a request was answered at `now`, and counts it if that was too late.
+  /// Records that a request was answered at `now`, and counts it if that was too late.
   void on_end(Lead&, const wire::Request& request, wire::Status status, MonotonicTime now) noexcept;
-  /// Notes that `count` of the sessions' expired calls are streams whose callers fell silent.
+  /// Records that `count` of the sessions' expired calls are streams whose callers fell silent.
   void on_silent(Lead&, std::uint64_t count) noexcept { silent_stream_count_ += count; }
-  /// Notes that a method was run inside another one.
+  /// Records that a method was run inside another one.
   void on_nested(bool has_thrown) noexcept;
 
   /// Publishes the changes since the last time, if any.

@@ -37,7 +37,7 @@ class Secret {
 
   [[nodiscard]] T& operator*() const noexcept { return held().object; }
   [[nodiscard]] T* operator->() const noexcept { return &held().object; }
-  /// False in a child: then it must not be used.
+  /// Whether the object is in this process; false in a forked child, which must not use it.
   [[nodiscard]] bool is_here() const noexcept { return held().is_here != 0; }
 
  private:

@@ -54,7 +54,7 @@ inline constexpr int kBacklog = 1024;
 [[nodiscard]] Descriptor spare_descriptor() noexcept;
 
 /// Accepts the next connection of a listening socket, non-blocking. If no descriptor is left,
-/// closes the connection: it would keep waking its acceptor, and its client would wait for nothing.
+/// closes the connection: it would keep waking its acceptor, and its client would wait needlessly.
 /// @param spare  closed temporarily to accept that connection; another thread may take its number
 [[nodiscard]] Accepted accept_or_turn_away(int listener, Descriptor& spare) noexcept;
 

@@ -92,7 +92,7 @@ class HeatLimit {
   /// True if `wrench` was reduced. `motion` has what the motors applied for `elapsed`.
   bool apply(const SafetyConfig& config, Duration elapsed, const Motion& motion,
              driver::Wrench& wrench) noexcept;
-  /// 0 is cold, 1 is full.
+  /// How full the store is: 0 is cold, 1 is full.
   [[nodiscard]] double fill() const noexcept { return fill_; }
 
  private:

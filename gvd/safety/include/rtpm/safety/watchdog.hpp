@@ -14,7 +14,7 @@ namespace rtpm::gvd {
 /// @realtime alloc-free
 class Watchdog {
  public:
-  /// Notes a live command that ends at `ends`.
+  /// Records a live command that ends at `ends`.
   void follow(const SafetyConfig& config, MonotonicTime ends) noexcept;
   /// Turns `output` into the force that remains at `now`; live commands ended at `ends`. Without a
   /// client, because its lease has ended, the force lasts at most for the ramp, whatever the

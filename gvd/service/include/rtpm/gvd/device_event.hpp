@@ -51,7 +51,7 @@ struct ButtonChange {
   bool is_pressed = false;
   friend bool operator==(const ButtonChange&, const ButtonChange&) = default;
 };
-/// The device started or ceased to push its user.
+/// The device started or stopped pushing its user.
 struct ContactChange {
   bool is_touching = false;
   double force_newton = 0;  ///< Magnitude.

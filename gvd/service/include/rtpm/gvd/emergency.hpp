@@ -38,7 +38,7 @@ class StopMemory {
   virtual ~StopMemory() = default;
   /// Whether the device was stopped when its last server ended: then it starts stopped.
   [[nodiscard]] virtual bool was_stopped() const noexcept = 0;
-  /// Notes that the device was stopped or rearmed, which is already in effect;
+  /// Records that the device was stopped or rearmed, which is already in effect;
   /// DeviceServer::is_stopped() tells which. Does not wait for a disk.
   virtual void on_change() noexcept = 0;
 };

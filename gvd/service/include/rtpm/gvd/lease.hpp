@@ -16,7 +16,7 @@ struct LeaseConfig {
   Duration idle_max = std::chrono::seconds{10};
   /// Minimum time between two successful calls of acquire().
   Duration acquire_interval = std::chrono::milliseconds{100};
-  /// Minimum time between two successful take_over().
+  /// Minimum time between two successful calls of take_over().
   Duration take_over_interval = std::chrono::seconds{1};
   /// How long an operator, who took the lease over, may be silent before it ends. There is no
   /// `idle_max` for an operator, who may hold a device without commanding it.

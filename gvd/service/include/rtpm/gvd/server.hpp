@@ -35,7 +35,7 @@ class ClientView {
   virtual ~ClientView() = default;
   /// The sample that a read() at `now` returns instead of the newest one.
   [[nodiscard]] virtual device::Sample on_read(MonotonicTime now) noexcept = 0;
-  /// Notes that the device accepted a command (kDone), or refused it.
+  /// Records that the device accepted a command (kDone), or refused it.
   virtual void on_command(const device::Command& command, DeviceOutcome outcome,
                           MonotonicTime now) noexcept = 0;
 };

@@ -248,7 +248,7 @@ class RecordWriter {
     // SYNC POINT slot-written: the record is complete.
     slots_.word(position).store(next_word(record), std::memory_order_seq_cst);
     const Outcome outcome = wake();
-    // Early, so that a later write does not wait for this line.
+    // Reads the count early, so that a later write does not wait for this line.
     if (number_ - taken_ > kRecordSlotCount / 2) static_cast<void>(learn_taken());
     return outcome;
   }

@@ -15,7 +15,7 @@ class ReplayWindow {
 
   /// Whether `counter` was not received yet; counters older than the window count as received.
   [[nodiscard]] bool is_new(std::uint64_t counter) const noexcept;
-  /// Notes that `counter` was received. Call it for an authentic frame whose counter is_new().
+  /// Records that `counter` was received. Call it for an authentic frame whose counter is_new().
   void add(std::uint64_t counter) noexcept;
   /// One more than the largest counter received; 0 initially.
   [[nodiscard]] std::uint64_t next() const noexcept { return next_; }

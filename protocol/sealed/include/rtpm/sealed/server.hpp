@@ -112,7 +112,7 @@ class SealedServer {
   /// The client's key of a session; nullopt if it is not sealed.
   [[nodiscard]] std::optional<crypto::PublicKey> client_of(std::uint64_t session) noexcept;
   [[nodiscard]] std::uint32_t half_open_count() const noexcept;
-  /// Counts the frames dropped here. Frames passed on to the sessions count there.
+  /// Counts the frames dropped here. The sessions count the frames passed on to them.
   [[nodiscard]] const wire::FrameCounters& counters() const noexcept { return counters_; }
 
  private:

@@ -14,10 +14,10 @@ class RoundTrip {
   void set_interval_min(Duration interval_min) noexcept { interval_min_ = interval_min; }
   /// Adds the round trip of a call that was sent once.
   void add(Duration sample) noexcept;
-  /// Notes the last wait of a repeated call; 0 for a call that was not repeated. After two repeated
-  /// calls in a row the wait also applies to the next call. Otherwise a round trip longer than the
-  /// wait would never be measured again, since repeated calls are not measured. A single repeated
-  /// call merely indicates a loss.
+  /// Records the last wait of a repeated call; 0 for a call that was not repeated. After two
+  /// repeated calls in a row the wait also applies to the next call. Otherwise a round trip longer
+  /// than the wait would never be measured again, since repeated calls are not measured. A single
+  /// repeated call merely indicates a loss.
   void back_off(Duration wait) noexcept;
 
   /// How long to wait for an answer.

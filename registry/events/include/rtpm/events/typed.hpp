@@ -18,7 +18,7 @@
 /// generates, `lab::TouchedEvent`: its number, schema id, payload and fields.
 namespace rtpm::events {
 
-/// Pushes events of one type and source; threads, real time and errors as Supplier.
+/// Pushes events of one type and source; threads, real-time class and errors are those of Supplier.
 template <class Event>
 class TypedSupplier {
  public:

@@ -30,7 +30,7 @@ struct Claim {
   bool allows_takeover = false;
   /// Set by the registry: the calling host (rpc::CallerHost::number).
   std::uint64_t host = 0;
-  /// Replace the properties of an earlier bind.
+  /// The properties, which replace those of an earlier bind.
   std::span<const Property> properties{};
   /// The name has no lease: it stays until it is unbound, even across restarts of a registry with a
   /// file.

@@ -22,7 +22,7 @@ struct RegistryConfig {
   /// If null, names are in memory only. If several registries share the storage, changes wait for
   /// it on separate threads; reads do not wait.
   std::unique_ptr<Storage> storage{};
-  /// If null, GrantPolicy.
+  /// If null, GrantPolicy is used.
   std::unique_ptr<const Policy> policy{};
 };
 

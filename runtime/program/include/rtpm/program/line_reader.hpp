@@ -20,7 +20,7 @@ class LineReader {
     kNone,  ///< No line has come in time.
     kEnd,   ///< There are no more lines.
   };
-  /// Waits for a line, at most `duration`, and gives it without its end in `line`.
+  /// Waits for a line, at most `duration`, and stores it in `line` without its line end.
   [[nodiscard]] Outcome read_for(Duration duration, std::string& line);
 
  private:

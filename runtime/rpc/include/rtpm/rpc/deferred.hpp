@@ -43,7 +43,7 @@ class UnfinishedCall {
   UnfinishedCall() noexcept = default;
   UnfinishedCall(UnfinishedCall&& other) noexcept { *this = std::move(other); }
   UnfinishedCall& operator=(UnfinishedCall&& other) noexcept;
-  /// Ends an unfinished call as failed, so that its caller does not wait for nothing.
+  /// Ends an unfinished call as failed, so that its caller does not wait needlessly.
   ~UnfinishedCall();
 
   /// False once the call was ended, or moved from.

@@ -13,7 +13,7 @@
 /// stream.
 namespace rtpm::rpc {
 
-/// The schema gives no `rtpm_max_size`.
+/// The size limit if the schema gives no `rtpm_max_size`.
 inline constexpr std::uint32_t kAnySize = std::numeric_limits<std::uint32_t>::max();
 
 /// Sends an encoded request and waits only as `delivery` says.
@@ -136,7 +136,7 @@ class TableStream : public OpenStream {
       : OpenStream(std::move(reader)), limits_(limits) {}
 
   /// Returns the next item, valid until the next call; null if the server finished the stream.
-  /// Errors and real-time class as StructStream::next().
+  /// Errors and real-time class are those of StructStream::next().
   [[nodiscard]] expected<const T*, CallError> next(MonotonicTime until) noexcept {
     const auto item = reader_.next(until);
     if (!item) return unexpected{item.error()};

@@ -95,7 +95,7 @@ class LaneTable {
 
   [[nodiscard]] int process_id() const noexcept { return view_.process_id(); }
   [[nodiscard]] bool is_alive() const noexcept { return view_.is_alive(); }
-  /// False if this program does not know the table's version, or if the table is incomplete.
+  /// Whether the table is complete and this program knows its version.
   [[nodiscard]] bool is_known() const noexcept { return slot_count_ > 0; }
   [[nodiscard]] std::uint32_t version() const noexcept { return version_; }
   [[nodiscard]] const std::string& server_name() const noexcept { return server_name_; }

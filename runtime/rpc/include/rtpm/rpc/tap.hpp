@@ -91,7 +91,7 @@ class CallTap {
   /// Frees the rings, after waiting at most a second for lanes that are writing. Does nothing when
   /// off.
   virtual void switch_off() noexcept = 0;
-  /// False after the server has stopped, too.
+  /// Whether the tap is on; false once the server has stopped.
   [[nodiscard]] virtual bool is_on() const noexcept = 0;
   /// The next record, valid until the next call; nullopt while there is none.
   [[nodiscard]] virtual std::optional<TappedCall> next() noexcept = 0;

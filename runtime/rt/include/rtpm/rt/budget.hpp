@@ -39,7 +39,7 @@ class RealtimeBudget {
   /// The share of the period left to other real-time work on the CPU.
   static constexpr double kReserve = 0.02;
 
-  /// Has no limit.
+  /// Creates a budget without a limit.
   constexpr RealtimeBudget() noexcept = default;
   RealtimeBudget(RealtimeLimit limit, MonotonicTime now) noexcept;
 
@@ -69,7 +69,7 @@ class RealtimeBudget {
   [[nodiscard]] bool is_exact(MonotonicTime now) const noexcept {
     return is_limited() && now >= spent_ - kBurst / 2;
   }
-  /// Notes that the thread blocked, and was off its CPU for `slept` of that time; nullopt if for
+  /// Records that the thread blocked, and was off its CPU for `slept` of that time; nullopt if for
   /// nearly all of it.
   void on_slept(MonotonicTime begin, MonotonicTime end,
                 std::optional<Duration> slept = std::nullopt) noexcept;

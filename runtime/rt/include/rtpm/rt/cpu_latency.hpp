@@ -14,7 +14,7 @@ namespace rtpm::rt {
 /// @source   the kernel's PM QoS interface, /dev/cpu_dma_latency
 class CpuLatencyRequest {
  public:
-  /// Makes no request.
+  /// Creates an object without a request.
   CpuLatencyRequest() noexcept = default;
   /// Requests waking within `latency`, which the kernel rounds to whole µs; 0 forbids sleep. With
   /// kOff it requests nothing.

@@ -5,7 +5,7 @@
 /// The line printed at a crash: the thread, and notes on its current work.
 namespace rtpm::rt {
 
-/// Notes the calling thread's current work while it lives. Notes nest.
+/// Records the calling thread's current work while it lives. Notes nest.
 /// @ownership refers to `text`
 /// @realtime alloc-free, no system call
 class CrashNote {

@@ -26,9 +26,9 @@ class PeriodEstimator {
   static constexpr Duration kPeriodMin = std::chrono::microseconds{200};
   static constexpr Duration kPeriodMax = std::chrono::milliseconds{50};
 
-  /// Notes a call.
+  /// Records a call.
   void on_arrival(MonotonicTime when) noexcept;
-  /// Notes that the expected call did not come; it is now expected a period later.
+  /// Records that the expected call did not come; it is now expected a period later.
   void on_missed() noexcept;
 
   /// When the next call is expected; nullopt if unknown.
@@ -64,9 +64,9 @@ class ArrivalPredictor {
  public:
   static constexpr std::size_t kCallerCountMax = 16;
 
-  /// Notes a call. `caller` is any non-zero number that identifies the caller.
+  /// Records a call. `caller` is any non-zero number that identifies the caller.
   void on_arrival(std::uint64_t caller, MonotonicTime when) noexcept;
-  /// Notes that a sleep until `wanted` ended by itself at `woken`.
+  /// Records that a sleep until `wanted` ended by itself at `woken`.
   void on_woken(MonotonicTime wanted, MonotonicTime woken) noexcept;
 
   /// The next window worth spinning in; nullopt if no caller has a rhythm. Calls expected before

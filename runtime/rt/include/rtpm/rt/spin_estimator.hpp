@@ -19,7 +19,7 @@ class SpinEstimator {
     idle_end_ = now + spin;
     return score_ >= kWorth;
   }
-  /// Notes that the last work arrived at `when`. Counts only once; ignored if that was before
+  /// Records that the last work arrived at `when`. Counts only once; ignored if that was before
   /// on_idle().
   void on_work(MonotonicTime when) noexcept {
     if (when <= idle_begin_) return;

@@ -32,7 +32,7 @@ class BroadcastBell {
   /// Creates a bell and its descriptor for readers.
   /// @realtime set-up only
   [[nodiscard]] static std::optional<std::pair<BroadcastBell, Descriptor>> make() noexcept;
-  /// Maps the bell behind a descriptor; nullopt if it is not a bell.
+  /// Maps the bell that a descriptor refers to; nullopt if it is not a bell.
   /// @realtime set-up only
   [[nodiscard]] static std::optional<BroadcastBell> map(int descriptor) noexcept;
 
@@ -94,7 +94,7 @@ class BroadcastDoor {
  public:
   /// @errors   the id is in use; no descriptor left
   [[nodiscard]] static expected<BroadcastDoor, SetupError> open(std::uint64_t id);
-  /// Readable while a reader is asking.
+  /// A descriptor that is readable while a reader is requesting the memory.
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
   /// Gives the memory to all waiting readers of the same user, without blocking. Turns away readers
   /// if no descriptor is left.

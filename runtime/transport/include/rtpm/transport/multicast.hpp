@@ -51,7 +51,7 @@ class MulticastReceiver {
   /// Returns the next datagram, a view of `buffer`; empty if there is none.
   /// @realtime alloc-free, one system call
   [[nodiscard]] ConstBytes receive(MutableBytes buffer) noexcept;
-  /// Readable while there is a datagram.
+  /// A descriptor that is readable while there is a datagram.
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
   /// Waits for a datagram until `until`; false if none arrived in time.
   /// @realtime alloc-free, one system call

@@ -42,7 +42,7 @@ class PortWaitSet final : public PolledWaitSet {
   SourceTag tag_{};
   bool only_polls_ = false;
   bool is_in_doubt_ = false;  ///< A doorbell datagram had not arrived when a receive ended.
-  /// The number of doorbell datagrams that had arrived then.
+  /// The number of doorbell datagrams that had arrived when the doubt arose.
   std::uint64_t come_count_in_doubt_ = 0;
   /// The port, while a wait receives from it.
   alignas(64) std::atomic<UdpPort*> receiving_{nullptr};

@@ -42,7 +42,7 @@ enum class Incomplete : std::uint8_t { kRefuse, kRead };
 
 /// The summary at the end of a recording, read without its chunks.
 struct Outline {
-  bool is_complete = false;                ///< Whether its writer completed it.
+  bool is_complete = false;                ///< Whether the writer completed the file.
   std::optional<Statistics> statistics{};  ///< nullopt if the file states none.
 };
 
@@ -72,7 +72,7 @@ class FileReader {
   [[nodiscard]] const std::map<std::uint16_t, Schema>& schemas() const noexcept;
   [[nodiscard]] const std::map<std::uint16_t, Channel>& channels() const noexcept;
   [[nodiscard]] const Statistics& statistics() const noexcept;
-  /// Whether its writer completed it.
+  /// Whether the writer completed the file.
   [[nodiscard]] bool is_complete() const noexcept;
 
   /// Calls `visit` for each message in order of log time, or of writing if these are equal, until

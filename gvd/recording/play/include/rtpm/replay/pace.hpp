@@ -36,10 +36,10 @@ class Pace {
   /// Jumps to a position, and pauses there.
   void seek(Duration at) noexcept;
 
-  /// Notes that a device shows its sample at this position. The pace follows the device that is
+  /// Records that a device shows its sample at this position. The pace follows the device that is
   /// farthest ahead.
   void step_to(Position position) noexcept;
-  /// Notes that a device has shown its last sample. After the last device the recording is over.
+  /// Records that a device has shown its last sample. After the last device the recording is over.
   void end_steps(MonotonicTime now) noexcept;
 
   [[nodiscard]] const Config& config() const noexcept { return config_; }
