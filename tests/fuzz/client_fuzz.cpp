@@ -45,7 +45,7 @@ class World {
       const auto free = static_cast<std::size_t>(std::ranges::find(open_, false) - open_.begin());
       parameters.stream_window = 1U + how / 4 % kStreamWindow;
       parameters.stream_buffers = {
-          .frames = MutableBytes(item_rooms_[free])
+          .frames = MutableBytes(item_buffers_[free])
                         .first((parameters.stream_window + kByteWindow / kItemSize) * kItemSize),
           .frame_size = kItemSize,
           .item = large_items_[free],
@@ -59,7 +59,7 @@ class World {
     call_id_ = decode_frame(*frame)->call_id;
     if (how % 4 != 2) {
       const CallIndex index = channel_.last_call();
-      RTPM_ASSERT(!open_[index], "a call has a place of its own");
+      RTPM_ASSERT(!open_[index], "a call has its own slot");
       open_[index] = true;
       ended_[index] = false;
     }
@@ -70,7 +70,7 @@ class World {
     int count = 0;
     for (ConstBytes more; !(more = channel_.next_frame(now_)).empty();) {
       RTPM_ASSERT(decode_frame(more).has_value(), "it sends frames");
-      RTPM_ASSERT(++count < 1000, "what is to be sent has an end");
+      RTPM_ASSERT(++count < 1000, "the queue of frames is finite");
     }
   }
 
@@ -97,7 +97,7 @@ class World {
         if (is_opening_) {
           is_opening_ = false;
         } else {
-          RTPM_ASSERT(open_[event.call], "what times out was open");
+          RTPM_ASSERT(open_[event.call], "only an open call times out");
           open_[event.call] = false;
         }
         break;
@@ -113,18 +113,19 @@ class World {
   void check() const {
     bool is_waiting = is_opening_;
     for (CallIndex i = 0; i < kCallMax; ++i) {
-      RTPM_ASSERT(channel_.is_open(i) == open_[i], "what is open was begun and did not end");
+      RTPM_ASSERT(channel_.is_open(i) == open_[i], "open calls were begun and did not end");
       is_waiting = is_waiting || (open_[i] && !ended_[i]);
     }
-    RTPM_ASSERT(!is_waiting || channel_.next_time() != kNever, "what is open has an end");
+    RTPM_ASSERT(!is_waiting || channel_.next_time() != kNever, "an open call has a next time");
   }
 
   ChannelEvent receive(ConstBytes frame) {
     const ChannelEvent event = channel_.on_frame(frame, now_);
     if (event.kind != ChannelEvent::Kind::kNeedBuffer) return event;
     RTPM_ASSERT(open_[event.call] && event.reply_size <= kLarge,
-                "room is asked for within the limit");
-    channel_.set_reply_buffer(MutableBytes(rooms_[event.call]).first(event.reply_size), event.call);
+                "a buffer is requested within the limit");
+    channel_.set_reply_buffer(MutableBytes(reply_buffers_[event.call]).first(event.reply_size),
+                              event.call);
     return channel_.on_frame(frame, now_);
   }
 
@@ -235,12 +236,12 @@ class World {
   MonotonicTime now_ = time_from_ns(1'000'000'000);
   alignas(16) std::array<std::byte, kHeaderSize + kLarge> buffer_{};
   std::array<std::byte, kLarge> payload_{};
-  std::array<std::vector<std::byte>, kCallMax> rooms_{std::vector<std::byte>(kLarge),
-                                                      std::vector<std::byte>(kLarge),
-                                                      std::vector<std::byte>(kLarge)};
-  std::array<std::vector<std::byte>, kCallMax> item_rooms_{std::vector<std::byte>(kItemMemory),
-                                                           std::vector<std::byte>(kItemMemory),
-                                                           std::vector<std::byte>(kItemMemory)};
+  std::array<std::vector<std::byte>, kCallMax> reply_buffers_{std::vector<std::byte>(kLarge),
+                                                              std::vector<std::byte>(kLarge),
+                                                              std::vector<std::byte>(kLarge)};
+  std::array<std::vector<std::byte>, kCallMax> item_buffers_{std::vector<std::byte>(kItemMemory),
+                                                             std::vector<std::byte>(kItemMemory),
+                                                             std::vector<std::byte>(kItemMemory)};
   std::array<std::vector<std::byte>, kCallMax> large_items_{std::vector<std::byte>(kLarge),
                                                             std::vector<std::byte>(kLarge),
                                                             std::vector<std::byte>(kLarge)};

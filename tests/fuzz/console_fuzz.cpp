@@ -35,7 +35,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view text(reinterpret_cast<const char*>(data), size);
   for (const bool may_command : {false, true}) {
     const auto request = console::foxglove::read_text(text, may_command);
-    if (!request) RTPM_ASSERT(!request.error().empty(), "a mistake is told");
+    if (!request) RTPM_ASSERT(!request.error().empty(), "a mistake has a reason");
     if (request) check_values(*request, may_command);
   }
   const auto call = console::foxglove::read_binary(std::as_bytes(std::span(data, size)));

@@ -53,10 +53,10 @@ class World {
 
   void call(std::uint32_t size, std::uint8_t how) {
     if (!client_.has_free_call()) return open();
-    std::size_t place = 0;
-    while (client_.is_open(static_cast<CallIndex>(place)))
-      ++place;
-    Call& call = calls_[place];
+    std::size_t slot = 0;
+    while (client_.is_open(static_cast<CallIndex>(slot)))
+      ++slot;
+    Call& call = calls_[slot];
     call = Call{.serial = ++serial_, .payload = Frame(4 + size % (kLarge - 4))};
     store_le(call.payload.data(), call.serial);
     CallParameters parameters{1, 2, 100, 0, now_ + std::chrono::milliseconds{200}};
@@ -70,17 +70,17 @@ class World {
           stream_frame_count(medium_, parameters.stream_window, byte_window);
       const auto frame_size =
           static_cast<std::uint32_t>(std::min<std::size_t>(frame_payload_max(medium_), kLarge));
-      item_rooms_[place].resize(count * std::size_t{frame_size});
-      large_items_[place].resize(kLarge);
-      parameters.stream_buffers = {.frames = item_rooms_[place],
+      item_buffers_[slot].resize(count * std::size_t{frame_size});
+      large_items_[slot].resize(kLarge);
+      parameters.stream_buffers = {.frames = item_buffers_[slot],
                                    .frame_size = frame_size,
-                                   .item = large_items_[place],
+                                   .item = large_items_[slot],
                                    .byte_window = byte_window};
     }
     if (how % 8 == 2) call.payload.resize(std::min<std::size_t>(call.payload.size(), 1000));
     const auto frame = client_.call(parameters, call.payload, now_);
     if (!frame) return;
-    RTPM_ASSERT(how % 8 == 2 || client_.last_call() == place, "the first free place is taken");
+    RTPM_ASSERT(how % 8 == 2 || client_.last_call() == slot, "a call uses the first free slot");
     put(to_server_, *frame);
     send_more();
   }
@@ -88,9 +88,9 @@ class World {
   void deliver(bool is_to_server, std::uint8_t which) {
     auto& way = is_to_server ? to_server_ : to_client_;
     if (way.empty()) return;
-    const std::size_t place = medium_ == Medium::kStream ? 0 : which % way.size();
-    const Frame frame = way[place];
-    way.erase(way.begin() + static_cast<std::ptrdiff_t>(place));
+    const std::size_t slot = medium_ == Medium::kStream ? 0 : which % way.size();
+    const Frame frame = way[slot];
+    way.erase(way.begin() + static_cast<std::ptrdiff_t>(slot));
     if (is_to_server) {
       server_takes(frame);
     } else {
@@ -136,16 +136,16 @@ class World {
     // A partly written item has to be completed.
     if (server_->is_item_midway(running.request)) return give_item(one->second);
     running_.erase(one);
-    const MutableBytes room = server_->reply_buffer(running.request, now_);
+    const MutableBytes buffer = server_->reply_buffer(running.request, now_);
     std::uint32_t reply_size =
-        std::min<std::uint32_t>(4 + size % kLarge, static_cast<std::uint32_t>(room.size()));
-    store_le(room.data(), running.serial);
+        std::min<std::uint32_t>(4 + size % kLarge, static_cast<std::uint32_t>(buffer.size()));
+    store_le(buffer.data(), running.serial);
     if (running.request.wants_stream()) reply_size = 0;
     server_sends(server_->complete(running.request, Status::kOk, reply_size, now_));
   }
 
-  void take_items(std::size_t place) {
-    const auto index = static_cast<CallIndex>(place % kCallMax);
+  void take_items(std::size_t slot) {
+    const auto index = static_cast<CallIndex>(slot % kCallMax);
     Call& call = calls_[index];
     while (const auto item = client_.next_item(index)) {
       if (!is_corrupting_) {
@@ -157,8 +157,8 @@ class World {
     send_more();
   }
 
-  void cancel(std::size_t place) {
-    put(to_server_, client_.cancel(static_cast<CallIndex>(place % kCallMax), now_));
+  void cancel(std::size_t slot) {
+    put(to_server_, client_.cancel(static_cast<CallIndex>(slot % kCallMax), now_));
   }
   void close_client() {
     if (!client_.is_ready()) return;
@@ -314,7 +314,7 @@ class World {
   std::vector<std::byte> stream_memory_;
   std::array<std::byte, kHeaderSize + kLarge> buffer_{};
   std::array<Frame, kCallMax> rooms_{};
-  std::array<Frame, kCallMax> item_rooms_{};
+  std::array<Frame, kCallMax> item_buffers_{};
   std::array<Frame, kCallMax> large_items_{};
   std::array<Call, kCallMax> calls_{};
   ClientChannel client_{{medium_, 5, 6, 0, kLarge, kCallMax}, buffer_};

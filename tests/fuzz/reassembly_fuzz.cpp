@@ -19,7 +19,7 @@ using namespace rtpm::wire;
 
 namespace {
 
-using Room = std::vector<std::byte>;
+using Buffer = std::vector<std::byte>;
 
 Header header_of(fuzz::Script& script) {
   Header header;
@@ -35,19 +35,20 @@ void put_together(fuzz::Script& script) {
   const Header first = header_of(script);
   const std::uint32_t size = fragment_size_of(first);
   if (size == 0) return;
-  Room room(first.message_size);
-  Room expected(first.message_size);
+  Buffer buffer(first.message_size);
+  Buffer expected(first.message_size);
   std::vector<bool> is_there(first.fragment_count);
   IncomingMessage message;
-  message.begin(first, room);
+  message.begin(first, buffer);
   while (script.has_more()) {
     const Header header = header_of(script);
     const bool is_good = header.message_size == first.message_size &&
                          header.fragment_count == first.fragment_count &&
                          header.item == first.item && fragment_size_of(header) == size;
-    const Room payload(header.payload_size, std::byte{script.byte()});
+    const Buffer payload(header.payload_size, std::byte{script.byte()});
     const IncomingMessage::Taken taken = message.take(header, payload);
-    RTPM_ASSERT(is_good == (taken != IncomingMessage::Taken::kForeign), "it knows its own");
+    RTPM_ASSERT(is_good == (taken != IncomingMessage::Taken::kForeign),
+                "it accepts exactly the fragments of its message");
     if (!is_good) continue;
     RTPM_ASSERT(is_there[header.fragment_index] == (taken == IncomingMessage::Taken::kDuplicate),
                 "a fragment is taken once");
@@ -55,20 +56,21 @@ void put_together(fuzz::Script& script) {
     is_there[header.fragment_index] = true;
     std::ranges::copy(payload, expected.begin() + header.fragment_index * std::ptrdiff_t{size});
     const auto missing = std::ranges::find(is_there, false) - is_there.begin();
-    RTPM_ASSERT(message.ack().first_missing == missing, "it says what is missing");
-    RTPM_ASSERT(message.is_complete() == (missing == first.fragment_count), "it knows its end");
+    RTPM_ASSERT(message.ack().first_missing == missing, "its ACK names the first missing fragment");
+    RTPM_ASSERT(message.is_complete() == (missing == first.fragment_count),
+                "it is complete with all fragments");
   }
-  RTPM_ASSERT(room == expected, "what is put together is what came");
+  RTPM_ASSERT(buffer == expected, "the reassembled message equals the received fragments");
 }
 
 void take_apart(fuzz::Script& script) {
-  const Room message(1U + script.number() % 20'000);
+  const Buffer message(1U + script.number() % 20'000);
   const auto fragment_size =
       static_cast<std::uint32_t>(std::max<std::size_t>(1U + script.byte(), message.size() / 250));
   if (fragment_size >= message.size()) return;
   OutgoingMessage outgoing;
   outgoing.begin({}, message, fragment_size, kFragmentWindow);
-  Room frame(kHeaderSize + fragment_size);
+  Buffer frame(kHeaderSize + fragment_size);
   std::uint32_t acknowledged = 0;
   std::uint32_t sent = 0;
   while (script.has_more()) {
@@ -96,34 +98,34 @@ constexpr std::uint32_t kPart = 16;
 constexpr std::uint32_t kItemsPerRound = 5;
 constexpr std::uint32_t kFramesPerRound = 7;
 
-Room item_of(std::uint32_t item) {
+Buffer item_of(std::uint32_t item) {
   const bool is_large = item % kItemsPerRound == kItemsPerRound - 1;
-  return Room(is_large ? 2 * kPart + 1 + item % kPart : item % (kPart + 1),
-              static_cast<std::byte>(item));
+  return Buffer(is_large ? 2 * kPart + 1 + item % kPart : item % (kPart + 1),
+                static_cast<std::byte>(item));
 }
 
 /// The frame `number`, counted from 0.
-std::pair<Header, Room> frame_of(std::uint32_t number) {
+std::pair<Header, Buffer> frame_of(std::uint32_t number) {
   const std::uint32_t round = number / kFramesPerRound;
-  const std::uint32_t place = number % kFramesPerRound;
-  const std::uint32_t item = round * kItemsPerRound + std::min(place, kItemsPerRound - 1);
-  Room whole = item_of(item);
+  const std::uint32_t position = number % kFramesPerRound;
+  const std::uint32_t item = round * kItemsPerRound + std::min(position, kItemsPerRound - 1);
+  Buffer whole = item_of(item);
   Header header;
   header.kind = FrameKind::kItem;
   header.message_size = header.payload_size = static_cast<std::uint32_t>(whole.size());
-  if (place < kItemsPerRound - 1) return {header, whole};
+  if (position < kItemsPerRound - 1) return {header, whole};
   header.fragment_count = 3;
-  header.fragment_index = static_cast<std::uint16_t>(place - (kItemsPerRound - 1));
+  header.fragment_index = static_cast<std::uint16_t>(position - (kItemsPerRound - 1));
   const ConstBytes rest = ConstBytes(whole).subspan(header.fragment_index * std::size_t{kPart});
   const ConstBytes part = rest.first(std::min<std::size_t>(kPart, rest.size()));
   header.payload_size = static_cast<std::uint32_t>(part.size());
-  return {header, Room(part.begin(), part.end())};
+  return {header, Buffer(part.begin(), part.end())};
 }
 
 void give_items(fuzz::Script& script) {
   constexpr std::size_t kFrameSize = kHeaderSize + kPart;
   const bool is_kept = script.byte() % 2 == 0;
-  Room memory((is_kept ? kStreamWindow : 1) * kFrameSize);
+  Buffer memory((is_kept ? kStreamWindow : 1) * kFrameSize);
   Header call;
   call.item = script.number();
   const std::uint32_t first = script.number();
@@ -168,11 +170,12 @@ void take_items(fuzz::Script& script) {
   const std::uint32_t window = 1 + how % kStreamWindow;
   const bool is_lying = how >= 128;
   const std::uint32_t first = script.number();
-  Room memory((window + 8) * kPart);
-  Room item_room(3 * std::size_t{kPart});
+  Buffer memory((window + 8) * kPart);
+  Buffer item_buffer(3 * std::size_t{kPart});
   IncomingStream stream;
-  stream.begin({.frames = memory, .frame_size = kPart, .item = item_room, .byte_window = 8 * kPart},
-               window, first);
+  stream.begin(
+      {.frames = memory, .frame_size = kPart, .item = item_buffer, .byte_window = 8 * kPart},
+      window, first);
   std::uint32_t taken = 0;
   while (script.has_more()) {
     const std::uint8_t step = script.byte();
@@ -186,7 +189,7 @@ void take_items(fuzz::Script& script) {
       if (!item) continue;
       RTPM_ASSERT(is_lying || std::ranges::equal(*item, item_of(taken)),
                   "items come in order, as they were");
-      RTPM_ASSERT(item->size() <= item_room.size(), "an item is not larger than its room");
+      RTPM_ASSERT(item->size() <= item_buffer.size(), "an item is not larger than its buffer");
       ++taken;
     } else {
       auto [header, payload] = frame_of(number - first);
@@ -202,7 +205,7 @@ void take_items(fuzz::Script& script) {
     }
     RTPM_ASSERT(stream.limit() - taken <= window, "it takes no more than its window");
     const std::uint32_t beyond = stream.credit().first_missing - stream.freed_count();
-    RTPM_ASSERT(beyond <= window + 8, "it keeps no more frames than it has room for");
+    RTPM_ASSERT(beyond <= window + 8, "it keeps no more frames than its buffer holds");
   }
 }
 

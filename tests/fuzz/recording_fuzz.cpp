@@ -38,7 +38,7 @@ class MemoryFile {
 void read_all(const std::string& path, recording::Incomplete incomplete) {
   const auto reader = recording::FileReader::open(path, incomplete);
   if (!reader) {
-    RTPM_ASSERT(!reader.error().what.empty(), "a refusal is told");
+    RTPM_ASSERT(!reader.error().what.empty(), "a refusal has a reason");
     return;
   }
   std::uint64_t last_ns = 0;
@@ -66,7 +66,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   read_all(file.path(), recording::Incomplete::kRead);
   static_cast<void>(recording::read_outline(file.path()));
   static_cast<void>(recording::check(file.path()));
-  // Recovers only every second input, because this takes longer than all the rest.
+  // Recovers only every second input, because this takes longer than the other checks.
   if (size % 2 == 1) return 0;
   std::filesystem::remove(saved);
   if (const auto recovery = recording::recover(file.path(), saved)) {

@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::uint32_t kSessionCountMax = 2;
 constexpr std::uint32_t kLarge = 8192;
-constexpr std::uint32_t kRoomCount = 2;
+constexpr std::uint32_t kBufferCount = 2;
 constexpr std::size_t kRunningMax = 12;
 
 /// The flags of a CALL that the input chooses.
@@ -55,9 +55,9 @@ class World {
       }
     }
     RTPM_ASSERT(verdict.credit_tag == 0 || running_.contains(verdict.credit_tag),
-                "credit is told of what runs");
+                "credit is reported for running calls");
     send(answer, frame, peer);
-    hear_of_cancels();
+    take_cancels();
   }
 
   void send(ConstBytes answer, ConstBytes frame, const PeerAddress& peer) {
@@ -66,29 +66,29 @@ class World {
   }
 
   ConstBytes complete(const Request& request, std::uint8_t how_it_ends) {
-    const MutableBytes room = sessions_.reply_buffer(request, now_);
+    const MutableBytes buffer = sessions_.reply_buffer(request, now_);
     // The reply is sometimes larger than a frame.
     const std::uint32_t wanted = how_it_ends < 128 ? how_it_ends : 30U * how_it_ends;
-    const auto size = std::min<std::uint32_t>(wanted, static_cast<std::uint32_t>(room.size()));
-    std::ranges::fill(room.first(size), std::byte{how_it_ends});
+    const auto size = std::min<std::uint32_t>(wanted, static_cast<std::uint32_t>(buffer.size()));
+    std::ranges::fill(buffer.first(size), std::byte{how_it_ends});
     const bool is_there = sessions_.peer_of(request).has_value();
     const ConstBytes answer =
         sessions_.complete(request, static_cast<Status>(how_it_ends % kStatusCount),
                            request.wants_stream() ? 0 : size, now_);
-    RTPM_ASSERT(is_there || answer.empty(), "who is gone is not answered");
+    RTPM_ASSERT(is_there || answer.empty(), "a disconnected peer gets no answer");
     const bool is_silent = (request.header.flags & (kFlagNoReply | kFlagReplyOnReceipt)) != 0;
     RTPM_ASSERT(!is_silent || answer.empty(), "a oneway is not answered when it ran");
     return answer;
   }
 
   /// Lets one of the running calls end, or write an item.
-  void go_on(std::uint8_t which, std::uint8_t how) {
+  void continue_call(std::uint8_t which, std::uint8_t how) {
     if (running_.empty()) return;
     const auto one =
         std::next(running_.begin(), static_cast<std::ptrdiff_t>(which % running_.size()));
     const Request request = one->second;
     const auto peer = sessions_.peer_of(request);
-    if (how % 2 == 0 && request.wants_stream()) return give_item(one->first, how);
+    if (how % 2 == 0 && request.wants_stream()) return write_item(one->first, how);
     items_.erase(one->first);
     running_.erase(one);
     send(complete(request, how), {}, peer.value_or(PeerAddress{}));
@@ -96,7 +96,7 @@ class World {
 
   /// Writes an item, sometimes a large one, or continues with the current one, as far as it is
   /// accepted.
-  void give_item(std::uint32_t tag, std::uint8_t how) {
+  void write_item(std::uint32_t tag, std::uint8_t how) {
     const Request request = running_[tag];
     const std::uint32_t size_max = sessions_.item_size_max(request);
     std::vector<std::byte>& item = items_[tag];
@@ -107,17 +107,17 @@ class World {
       const ConstBytes frame = sessions_.push_item(request, item, now_);
       if (frame.empty()) return;
       const auto peer = sessions_.peer_of(request);
-      RTPM_ASSERT(size_max > 0 && peer.has_value(), "items go to somebody");
+      RTPM_ASSERT(size_max > 0 && peer.has_value(), "items have a recipient");
       check_answer(frame, {}, *peer);
     } while (sessions_.is_item_midway(request));
   }
 
-  void hear_of_cancels() {
+  void take_cancels() {
     for (std::uint32_t tag = sessions_.next_cancelled(); tag != 0;
          tag = sessions_.next_cancelled()) {
-      RTPM_ASSERT(running_.contains(tag), "what is cancelled runs");
-      RTPM_ASSERT(sessions_.item_size_max(running_[tag]) == 0, "nobody takes its items");
-      RTPM_ASSERT(cancelled_.insert(tag).second, "it is told once");
+      RTPM_ASSERT(running_.contains(tag), "only a running call is cancelled");
+      RTPM_ASSERT(sessions_.item_size_max(running_[tag]) == 0, "a cancelled call sends no items");
+      RTPM_ASSERT(cancelled_.insert(tag).second, "a cancellation is reported once");
     }
   }
 
@@ -215,7 +215,7 @@ class World {
     const auto outgoing = sessions_.close_next(now_);
     if (!outgoing) return;
     RTPM_ASSERT(decode_frame(outgoing->frame)->kind == FrameKind::kClose, "it closes");
-    hear_of_cancels();
+    take_cancels();
   }
 
   void acknowledge(const PeerAddress& peer, std::uint32_t call_id, std::uint8_t first_missing,
@@ -238,14 +238,15 @@ class World {
     now_ += time;
     sessions_.on_time(now_);
     RTPM_ASSERT(sessions_.next_time() > now_, "what is due is done");
-    hear_of_cancels();
+    take_cancels();
   }
   void check() const {
     RTPM_ASSERT(sessions_.session_count() <= kSessionCountMax, "the table keeps its size");
-    RTPM_ASSERT(sessions_.large_message_count(now_) <= kRoomCount, "so do the rooms");
+    RTPM_ASSERT(sessions_.large_message_count(now_) <= kBufferCount,
+                "large messages stay within their buffers");
     RTPM_ASSERT(sessions_.large_message_count(now_ + kLargeMessageSilenceMax) <= running_.size(),
                 "what is silent is not held");
-    RTPM_ASSERT(sessions_.next_buffer_time(now_) > now_, "a room that is free is not waited for");
+    RTPM_ASSERT(sessions_.next_buffer_time(now_) > now_, "the next buffer time lies ahead");
   }
 
  private:
@@ -264,7 +265,7 @@ class World {
   }
 
   MonotonicTime now_ = time_from_ns(1'000'000'000'000);
-  std::vector<std::byte> large_ = std::vector<std::byte>((kRoomCount + 1) * kLarge);
+  std::vector<std::byte> large_ = std::vector<std::byte>((kBufferCount + 1) * kLarge);
   std::vector<std::byte> stream_memory_;
   std::map<std::uint32_t, std::vector<std::byte>> items_;  ///< The current item by tag.
   ServerSessions sessions_;
@@ -312,7 +313,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         break;
       }
       case 6:
-        world.go_on(script.byte(), script.byte());
+        world.continue_call(script.byte(), script.byte());
         break;
       case 7: {
         const StreamCredit credit{script.number() % 64, script.number(), script.number()};

@@ -342,9 +342,10 @@ std::uint64_t play(std::uint64_t seed, bool is_told, Coverage& coverage, Wire wi
   const std::vector<std::string>& faults = conversation.history().faults();
   if (!faults.empty() || conversation.stuck_count() > 0 || conversation.leaked_count() > 0) {
     ADD_FAILURE() << "seed " << seed << ": "
-                  << (!faults.empty()                  ? faults.front()
-                      : conversation.stuck_count() > 0 ? "a client is stuck"
-                                                       : "the server holds what nobody waits for")
+                  << (!faults.empty() ? faults.front()
+                      : conversation.stuck_count() > 0
+                          ? "a client is stuck"
+                          : "the server holds calls without a waiting client")
                   << "; see it with\n  "
                   << (wire == Wire::kOpen ? "./dev sim --seed " : "./dev sim --sealed-seed ")
                   << seed;
@@ -392,7 +393,7 @@ class Calls : public testing::TestWithParam<std::uint64_t> {
   static constexpr std::uint64_t kSeedCount = 10'000;
 };
 
-TEST_P(Calls, KeepThePromisesWhateverTheNetworkDoes) {
+TEST_P(Calls, KeepTheirPromisesOverAnyNetwork) {
   Coverage coverage;
   if (const auto seed = number_from_environment("RTPM_SEED")) {
     if (*seed % kPortionCount == GetParam()) play(*seed, /*is_told=*/true, coverage);
@@ -424,7 +425,7 @@ class SealedCalls : public testing::TestWithParam<std::uint64_t> {
 };
 
 // sec-5-1, sec-5-2, sec-6-1, sec-6-2, sec-6-3
-TEST_P(SealedCalls, KeepThePromisesWhateverAnAttackerDoes) {
+TEST_P(SealedCalls, KeepTheirPromisesUnderAttack) {
   Coverage coverage;
   if (const auto seed = number_from_environment("RTPM_SEALED_SEED")) {
     if (*seed % kPortionCount == GetParam()) play(*seed, true, coverage, wire_of(*seed));
@@ -456,7 +457,7 @@ TEST_P(SealedCalls, KeepThePromisesWhateverAnAttackerDoes) {
 INSTANTIATE_TEST_SUITE_P(Portions, SealedCalls, testing::Range(std::uint64_t{0}, std::uint64_t{2}));
 
 // sec-6-3, sec-6-6: whenever a side dies or a grant goes, nothing runs twice and all goes on.
-TEST(SealedSteps, AreSurvivedEach) {
+TEST(SealedSteps, AreAllSurvived) {
   for (const Disaster disaster : {Disaster::kServer, Disaster::kClient, Disaster::kGrant}) {
     for (const std::uint64_t seed : {std::uint64_t{1}, std::uint64_t{2}}) {
       for (int step = 1; step <= 40; ++step)
@@ -474,7 +475,7 @@ TEST(Seeds, GiveTheSameHistoryEachTime) {
 
 // Without the datagrams' checksum the promises of a call can't be kept. But nothing breaks, hangs
 // or stays behind.
-TEST(Corruption, NeitherBreaksNorLeavesAnythingBehind) {
+TEST(Corruption, LeavesNoHangAndNoState) {
   const std::uint64_t seed_count = number_from_environment("RTPM_SEEDS").value_or(2000) / 5;
   for (std::uint64_t seed = 0; seed < seed_count && !testing::Test::HasFailure(); ++seed) {
     Conversation conversation(seed, /*is_told=*/false, /*has_checksum=*/false);

@@ -8,7 +8,7 @@
 namespace rtpm::sim {
 
 /// A request or reply whose every byte follows from its token, so that a byte of another message,
-/// or at another place, shows: token, run number, size of the wanted reply, then filling.
+/// or at another offset, shows: token, run number, size of the wanted reply, then filling.
 struct Message {
   static constexpr std::size_t kSizeMin = 16;
 

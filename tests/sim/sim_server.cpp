@@ -283,11 +283,11 @@ void SimServer::finish(std::uint32_t tag) {
   const Job job = jobs_.at(tag);
   jobs_.erase(tag);
   const auto peer = sessions_->peer_of(job.request);
-  const MutableBytes room = sessions_->reply_buffer(job.request, scheduler_.now());
+  const MutableBytes buffer = sessions_->reply_buffer(job.request, scheduler_.now());
   // With all buffers taken, one frame may still fit.
-  std::size_t size = std::min<std::size_t>(job.reply_size, room.size());
+  std::size_t size = std::min<std::size_t>(job.reply_size, buffer.size());
   if (job.request.wants_stream()) size = 0;
-  if (size > 0) Message{job.token, job.run_number, 0}.write(room.first(size));
+  if (size > 0) Message{job.token, job.run_number, 0}.write(buffer.first(size));
   const ConstBytes frame = sessions_->complete(job.request, job.status,
                                                static_cast<std::uint32_t>(size), scheduler_.now());
   if (peer) send(*peer, frame);
