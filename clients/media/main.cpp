@@ -1,4 +1,5 @@
-// rtpm-media: the paper's §3.2. A knob with detents drives a media player, wherever they are.
+// rtpm-media: the paper's §3.2. A knob with detents drives a media player; they may be on different
+// hosts.
 #include <cstdio>
 #include <memory>
 #include <string_view>

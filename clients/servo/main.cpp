@@ -52,7 +52,7 @@ class LocalWall {
     model_ = wall.as_plane();
     has_changed_ = true;
   }
-  /// @errors   in words, as DeviceClient::set_models()
+  /// @errors   described in words, like those of DeviceClient::set_models()
   [[nodiscard]] expected<void, gvd::ModelsError> set(MonotonicTime now) {
     next_ = now + kModelsInterval;
     const gvd::Model model = [this] {
@@ -202,7 +202,7 @@ expected<void, SetupError> check_device(gvd::DeviceClient& device,
   return {};
 }
 
-/// Why the loop gave up `device`, in words.
+/// Explains why the loop gave up `device`.
 std::string loss_text(gvd::DeviceClient& device, gvd::DeviceError loss) {
   std::string text = "was lost: " + std::string(to_string(loss));
   if (loss != gvd::DeviceOutcome::kNotHolder) return text;

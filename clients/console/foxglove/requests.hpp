@@ -61,8 +61,8 @@ using TextRequest = std::variant<Subscribe, Unsubscribe, GetParameters, SetParam
 
 /// Reads a text frame.
 /// @param may_command  if false, the values that parameters are set to are not read
-/// @errors   in words: not JSON, nested deeper than kNestingMax, an unknown operation, a field that
-///           is missing or has the wrong type
+/// @errors   described in words: not JSON, nested deeper than kNestingMax, an unknown operation, a
+///           field that is missing or has the wrong type
 [[nodiscard]] expected<TextRequest, std::string> read_text(std::string_view text, bool may_command);
 
 /// A call of a service.
@@ -75,7 +75,7 @@ struct ServiceCall {
 };
 
 /// Reads a binary frame.
-/// @errors   in words: truncated, or an opcode other than a service call's
+/// @errors   described in words: truncated, or an opcode other than a service call's
 [[nodiscard]] expected<ServiceCall, std::string> read_binary(ConstBytes frame);
 
 }  // namespace rtpm::console::foxglove

@@ -18,7 +18,7 @@ namespace rtpm::console {
     const std::string& object, const std::vector<driver::ParameterSetting>& settings);
 
 /// The value that a client sent for `parameter`, converted to its type; the range is not checked.
-/// @errors   in words: the value has another type
+/// @errors   described in words: the value has another type
 [[nodiscard]] expected<driver::ParameterValue, std::string> value_of(
     const gvd::Parameter& parameter, const nlohmann::json& value);
 

@@ -41,7 +41,7 @@ const schema::Field* lease_field(const schema::Object& object) {
 }
 
 /// Encodes a client's request for the wire.
-/// @errors   in words: it does not match the schema
+/// @errors   described in words: it does not match the schema
 expected<std::vector<std::byte>, std::string> encoded(schema::Dynamic& dynamic,
                                                       const schema::Payload& payload, bool is_json,
                                                       const std::string& request) {

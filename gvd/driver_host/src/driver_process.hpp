@@ -14,7 +14,7 @@
 namespace rtpm::driver_host {
 
 /// The process of an isolated driver, as seen by the process that started it.
-/// @ownership ends the process: closes its sockets, upon which it deactivates its device, and sends
+/// @ownership ends the process: closes its sockets, which makes it deactivate its device, and sends
 ///            SIGKILL after a second
 /// @threads  call() and kill() from one; call_calibration() from any
 class DriverProcess {

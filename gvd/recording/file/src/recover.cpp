@@ -115,7 +115,7 @@ class Rescue {
   /// Handles the record at `offset`.
   /// @return   the offset at which to continue; 0 at the end
   expected<std::uint64_t, SetupError> step(std::uint64_t offset);
-  /// Skips the incomplete record at `offset`. @return as step()
+  /// Skips the incomplete record at `offset`. @return like step()
   std::uint64_t skip(std::uint64_t offset, std::optional<std::uint64_t> next);
   expected<void, SetupError> take_chunk(const UnpackedChunk& chunk);
   void lose_chunk(std::uint64_t end);

@@ -59,7 +59,7 @@ MulticastSession::Outcome MulticastSession::take(const Taker& taker, Asking aski
   return is_gone_ ? Outcome::kGone : Outcome::kNothing;
 }
 
-// False if there may be more. Ignores other hubs' datagrams.
+// Receives waiting datagrams, ignoring those of other hubs. False if there may be more.
 bool MulticastSession::receive() noexcept {
   if (feed_) {
     position_ = feed_->read(position_, kDatagramsPerTurn, [this](ConstBytes datagram) {

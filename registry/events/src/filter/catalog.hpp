@@ -28,8 +28,8 @@ class TypeCatalog final : public DescriptorSource {
   explicit TypeCatalog(const CatalogLimits& limits = {}) : limits_(limits) {}
 
   /// Registers a type; repeating it has no effect.
-  /// @errors   in words: the type is registered with another schema (update the older program), an
-  ///           invalid type or field path, a limit
+  /// @errors   described in words: the type is registered with another schema (update the older
+  ///           program), an invalid type or field path, a limit
   [[nodiscard]] expected<void, SetupError> add(const EventDescriptor& descriptor);
 
   [[nodiscard]] const EventDescriptor* find(EventType type) const noexcept override;

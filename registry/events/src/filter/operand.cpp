@@ -34,7 +34,7 @@ std::uint64_t highest(ScalarType type) noexcept {
   return is_signed(type) ? all / 2 : all;
 }
 
-// A whole real number as an integer.
+// Converts a whole real number to an integer; nullopt if it is not whole.
 std::optional<Scalar> whole(double real) noexcept {
   if (std::trunc(real) != real) return std::nullopt;
   if (real >= -0x1p63 && real < 0x1p63) return Scalar::of(static_cast<std::int64_t>(real));

@@ -184,7 +184,7 @@ class Supplier::Impl {
     request_.resize((size + kRequestOverheadMax) / sizeof(request_[0]));
   }
 
-  // 0, "not counted", beyond the table's capacity.
+  // The next sequence number; 0 ("not counted") beyond the table's capacity.
   [[nodiscard]] std::uint64_t next_sequence(EventType type, SourceId source) noexcept {
     for (std::size_t i = 0; i < counter_count_; ++i) {
       if (counters_[i].type == type && counters_[i].source == source) return ++counters_[i].count;

@@ -157,7 +157,7 @@ bool Media::send_frame(Lead& lead, Slot& slot, ConstBytes frame) noexcept {
   return frame.empty() || send_as_is(lead, &slot, slot.peer, frame);
 }
 
-// Gives up a peer that does not receive its replies, rather than wait for it (hp-16.4-2).
+// Gives up on a peer that does not receive its replies, instead of waiting for it (hp-16.4-2).
 bool Media::send_as_is(Lead& lead, Slot* slot, const wire::PeerAddress& peer,
                        ConstBytes frame) noexcept {
   if (slot == nullptr) {

@@ -19,7 +19,7 @@
 namespace rtpm::transport {
 namespace {
 
-// How long a caller waits for a full ring before it gives up the server.
+// How long a caller waits for a full ring before it gives up on the server.
 constexpr Duration kServerPatience = std::chrono::milliseconds{100};
 // How often receive() checks the ring. The checks take several times as long as callers spend
 // between calls, so that most replies arrive during a check.

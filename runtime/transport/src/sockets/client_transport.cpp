@@ -24,7 +24,7 @@
 namespace rtpm::transport {
 namespace {
 
-// How long a caller waits for space in a stream's buffer before it gives up the peer.
+// How long a caller waits for space in a stream's buffer before it gives up on the peer.
 constexpr Duration kSendPatience = std::chrono::milliseconds{100};
 
 SetupError no_socket(const std::string& host, std::uint16_t port, int error) {

@@ -60,12 +60,12 @@ class Driver {
 
   /// Opens and configures the device; applies no force yet. May take seconds, but must return.
   /// @realtime set-up only
-  /// @errors   in words with the remedy: not plugged in, no permission, wrong firmware
+  /// @errors   described in words with the remedy: not plugged in, no permission, wrong firmware
   [[nodiscard]] virtual expected<void, SetupError> configure(const DriverConfig& config) = 0;
 
   /// Prepares exchange(), including all allocations.
   /// @realtime set-up only
-  /// @errors   in words with the remedy
+  /// @errors   described in words with the remedy
   [[nodiscard]] virtual expected<void, SetupError> activate() = 0;
 
   /// Sends the device its command and receives its newest sample: the only real-time call, once per
@@ -95,7 +95,7 @@ class Driver {
   /// its steps. May be called in any state, between two exchange(). The driver keeps the values
   /// across deactivate() and configure(), and while the device is gone.
   /// @realtime set-up only; must end within a few milliseconds, because exchange() waits meanwhile
-  /// @errors   in words with the remedy; nothing has changed
+  /// @errors   described in words with the remedy; nothing has changed
   [[nodiscard]] virtual expected<void, SetupError> set_parameters(
       std::span<ParameterSetting> settings);
 

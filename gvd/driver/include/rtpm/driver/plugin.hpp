@@ -24,7 +24,7 @@ struct Plugin {
   std::uint32_t descriptor_size = sizeof(Descriptor);
   std::uint32_t compiler_abi = __GXX_ABI_VERSION;
   /// Creates a driver from the operator's arguments.
-  /// @errors   in words with the remedy
+  /// @errors   described in words with the remedy
   expected<std::unique_ptr<Driver>, SetupError> (*create)(std::string_view arguments) = nullptr;
 };
 

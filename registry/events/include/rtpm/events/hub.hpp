@@ -126,8 +126,8 @@ class Hub {
   virtual void push(std::uint64_t supplier, ConstBytes events, Priority priority) noexcept = 0;
   /// Registers a type.
   /// @realtime set-up only
-  /// @errors   in words: the type is registered with another schema, an invalid type or field, a
-  ///           limit
+  /// @errors   described in words: the type is registered with another schema, an invalid type or
+  ///           field, a limit
   [[nodiscard]] virtual expected<void, SetupError> add_type(const EventDescriptor& descriptor) = 0;
 
   /// Links to the hub at `target`, a URL or a name, and subscribes there on behalf of its own

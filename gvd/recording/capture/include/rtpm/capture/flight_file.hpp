@@ -13,7 +13,7 @@ namespace rtpm::capture {
 /// time are the cycle's, converted to UTC by the current wall clock. The metadata "rtpm.flight" has
 /// device, cause, number, fault_cycle and cycle_count. A failed write leaves no file.
 /// @realtime never
-/// @errors   in words: the file exists, no such folder, no permission, the disk is full
+/// @errors   described in words: the file exists, no such folder, no permission, the disk is full
 [[nodiscard]] expected<void, SetupError> write_flight_file(
     const std::string& path, const std::string& device, const gvd::FlightLog& log,
     recording::Existing existing = recording::Existing::kRefuse);

@@ -59,8 +59,8 @@ struct Outline {
 /// @realtime never
 class FileReader {
  public:
-  /// @errors   in words: no such file; not a regular file; not an MCAP file; it is incomplete and
-  ///           kRefuse; a damaged summary; above a limit; stopped
+  /// @errors   described in words: no such file; not a regular file; not an MCAP file; it is
+  ///           incomplete and kRefuse; a damaged summary; above a limit; stopped
   [[nodiscard]] static expected<std::unique_ptr<FileReader>, SetupError> open(
       const std::string& path, Incomplete incomplete = Incomplete::kRefuse,
       const Progress& progress = {});

@@ -26,7 +26,7 @@ struct WriterConfig {
 class FileWriter {
  public:
   /// Creates the file.
-  /// @errors   in words: the file exists, no such folder, no permission
+  /// @errors   described in words: the file exists, no such folder, no permission
   [[nodiscard]] static expected<std::unique_ptr<FileWriter>, SetupError> create(
       const std::string& path, WriterConfig config = {});
   FileWriter(const FileWriter&) = delete;
