@@ -16,7 +16,7 @@
 namespace rtpm::rpc {
 
 /// Makes a binding's calls and, for a binding by name, follows the name.
-/// @threads  bind(): one, first; follow() and note_unresolved(): the rebinder; the rest any
+/// @threads  bind(): one, first; follow() and note_unresolved(): the rebinder; the rest: any
 class Binding::Impl {
  public:
   /// @param name  empty for a binding by URL

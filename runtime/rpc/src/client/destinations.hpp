@@ -50,7 +50,7 @@ struct Bound {
 
 /// Where a binding's calls go: to one destination at a time. A binding by name may move to another
 /// one; previous ones are kept while calls may use them.
-/// @threads  settle(), settled() and free_former(): the binding thread; the rest any
+/// @threads  settle(), settled() and free_former(): the binding thread; the rest: any
 /// @realtime alloc-free except settle() and free_former()
 class Destinations {
  public:

@@ -99,7 +99,7 @@ class Completions {
 /// for them. They may add calls. Real-time class: set-up. The thread polls open calls once a
 /// millisecond. A loop that counts microseconds should hold the PendingReply itself and wait for
 /// it.
-/// @ownership as Completions; destruction cancels open calls and joins the thread
+/// @ownership like Completions; destruction cancels open calls and joins the thread
 /// @threads  then() from any
 class CompletionThread {
  public:
