@@ -3,13 +3,13 @@
 #include <arpa/inet.h>
 #include <poll.h>
 #include <unistd.h>
-#include <ctime>
 
 #include <algorithm>
 #include <cstring>
 #include <iostream>
 #include <sstream>
 
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/header.hpp"
 
 namespace rtpm::spec {
@@ -39,7 +39,7 @@ class LineInput {
 
 int timeout_ms(MonotonicTime until) {
   if (until == kNever) return -1;
-  const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - monotonic_now()).count();
+  const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - rt::now()).count();
   return static_cast<int>(std::clamp<std::int64_t>(left, 0, 1000));
 }
 
@@ -143,10 +143,12 @@ std::string text_of(const sockaddr_in& address) {
   return std::string(host) + ":" + std::to_string(ntohs(address.sin_port));
 }
 
-MonotonicTime monotonic_now() {
-  timespec time{};
-  ::clock_gettime(CLOCK_MONOTONIC, &time);
-  return time_from_ns(std::int64_t{1'000'000'000} * time.tv_sec + time.tv_nsec);
+std::uint64_t random_number() {
+  std::uint64_t number = 0;
+  while (number == 0) {
+    if (::getentropy(&number, sizeof number) != 0) return 1;
+  }
+  return number;
 }
 
 std::vector<std::byte> as_read(ConstBytes frame, const Faults& faults) {
@@ -211,29 +213,24 @@ void say_counters(const wire::FrameCounters& counters) {
 }  // namespace rtpm::spec
 
 int main(int argument_count, char** arguments) {
-  rtpm::spec::Faults faults;
+  using rtpm::spec::Faults;
+  const std::map<std::string_view, bool Faults::*> flags{
+      {"--runs-copies", &Faults::runs_copies},
+      {"--swaps-numbers", &Faults::swaps_numbers},
+      {"--states-no-budget", &Faults::states_no_budget},
+      {"--shifts-cookie", &Faults::shifts_cookie},
+      {"--hides-address", &Faults::hides_address},
+      {"--hangs-on", &Faults::hangs_on},
+      {"--repeats-rarely", &Faults::repeats_rarely},
+      {"--clears-flags", &Faults::clears_flags}};
+  Faults faults;
   for (int i = 1; i < argument_count; ++i) {
-    const std::string_view argument = arguments[i];
-    if (argument == "--runs-copies") {
-      faults.runs_copies = true;
-    } else if (argument == "--swaps-numbers") {
-      faults.swaps_numbers = true;
-    } else if (argument == "--states-no-budget") {
-      faults.states_no_budget = true;
-    } else if (argument == "--shifts-cookie") {
-      faults.shifts_cookie = true;
-    } else if (argument == "--hides-address") {
-      faults.hides_address = true;
-    } else if (argument == "--hangs-on") {
-      faults.hangs_on = true;
-    } else if (argument == "--repeats-rarely") {
-      faults.repeats_rarely = true;
-    } else if (argument == "--clears-flags") {
-      faults.clears_flags = true;
-    } else {
-      std::cerr << "conform_subject: no such fault: " << argument << '\n';
+    const auto flag = flags.find(arguments[i]);
+    if (flag == flags.end()) {
+      std::cerr << "conform_subject: no such fault: " << arguments[i] << '\n';
       return 2;
     }
+    faults.*flag->second = true;
   }
   return rtpm::spec::run(faults);
 }

@@ -37,7 +37,8 @@ void say(const std::string& line);
 [[nodiscard]] std::string hex_of_bytes(ConstBytes bytes);
 [[nodiscard]] sockaddr_in address_of(const std::string& host_and_port);
 [[nodiscard]] std::string text_of(const sockaddr_in& address);
-[[nodiscard]] MonotonicTime monotonic_now();
+/// A random number other than 0.
+[[nodiscard]] std::uint64_t random_number();
 
 /// The subject's deliberate faults, which the tool has to find.
 struct Faults {

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/control.hpp"
 #include "subject.hpp"
@@ -17,14 +18,6 @@ namespace rtpm::spec {
 namespace {
 
 using wire::ChannelEvent;
-
-std::uint64_t random_number() {
-  std::uint64_t number = 0;
-  while (number == 0) {
-    if (::getentropy(&number, sizeof number) != 0) return 1;
-  }
-  return number;
-}
 
 wire::ClientChannelConfig config_of(const Line& setup) {
   wire::ClientChannelConfig config;
@@ -65,9 +58,9 @@ class ClientSide final : public Side {
   [[nodiscard]] MonotonicTime next_time() const override { return channel_.next_time(); }
 
   void on_time() override {
-    for (ChannelEvent event = channel_.on_time(monotonic_now());
-         event.kind != ChannelEvent::Kind::kNothing; event = channel_.on_time(monotonic_now())) {
-      tell(event);
+    for (ChannelEvent event = channel_.on_time(rt::now());
+         event.kind != ChannelEvent::Kind::kNothing; event = channel_.on_time(rt::now())) {
+      report(event);
     }
   }
 
@@ -95,7 +88,7 @@ class ClientSide final : public Side {
     const std::string what = line.word(1);
     if (what == "open") {
       connect();
-      send(channel_.open(priority_of(line), deadline_of(line), monotonic_now()));
+      send(channel_.open(priority_of(line), deadline_of(line), rt::now()));
     } else if (what == "call") {
       call(line);
     } else if (what == "bind") {
@@ -103,9 +96,9 @@ class ClientSide final : public Side {
     } else if (what == "take") {
       take_items(line.word(2));
     } else if (what == "cancel") {
-      send(channel_.cancel(index_of(line.word(2)), monotonic_now()));
+      send(channel_.cancel(index_of(line.word(2)), rt::now()));
     } else if (what == "close") {
-      send(channel_.close(monotonic_now()));
+      send(channel_.close(rt::now()));
     } else {
       say("cannot " + what);
     }
@@ -116,7 +109,7 @@ class ClientSide final : public Side {
     return static_cast<int>(line.number("priority"));
   }
   static MonotonicTime deadline_of(const Line& line) {
-    return monotonic_now() + std::chrono::microseconds(line.number("timeout_us"));
+    return rt::now() + std::chrono::microseconds(line.number("timeout_us"));
   }
 
   void connect() {
@@ -142,15 +135,15 @@ class ClientSide final : public Side {
   bool is_early_copy(ConstBytes frame) {
     const auto header = wire::decode(frame);
     if (!header || header->kind != wire::FrameKind::kCall) return false;
-    const MonotonicTime now = monotonic_now();
+    const MonotonicTime now = rt::now();
     const bool is_copy = (header->flags & wire::kFlagRepeated) != 0;
     if (is_copy && now - call_sent_ < std::chrono::seconds{2}) return true;
     call_sent_ = now;
     return false;
   }
   void send_more() {
-    for (ConstBytes frame = channel_.next_frame(monotonic_now()); !frame.empty();
-         frame = channel_.next_frame(monotonic_now())) {
+    for (ConstBytes frame = channel_.next_frame(rt::now()); !frame.empty();
+         frame = channel_.next_frame(rt::now())) {
       send(frame);
     }
   }
@@ -173,7 +166,7 @@ class ClientSide final : public Side {
   void judge_lost() {
     for (const LostCall& call : std::exchange(lost_, {})) {
       const bool has_not_run = wire::has_not_run(call.server_epoch, channel_.welcome().server_epoch,
-                                                 call.begun, monotonic_now());
+                                                 call.begun, rt::now());
       say((has_not_run ? "sees not_run " : "sees may_have_run ") + call.name);
     }
   }
@@ -181,17 +174,17 @@ class ClientSide final : public Side {
   void take(ConstBytes bytes) {
     const auto frame = as_read(bytes, faults_);
     const std::vector<LostCall> open = open_calls();
-    ChannelEvent event = channel_.on_frame(frame, monotonic_now());
+    ChannelEvent event = channel_.on_frame(frame, rt::now());
     if (event.kind == ChannelEvent::Kind::kNeedBuffer) {
       channel_.set_reply_buffer(memory_.emplace_back(event.reply_size), event.call);
-      event = channel_.on_frame(frame, monotonic_now());
+      event = channel_.on_frame(frame, rt::now());
     }
     if (event.kind == ChannelEvent::Kind::kLost) lost_ = open;
-    tell(event);
+    report(event);
     if (event.kind == ChannelEvent::Kind::kReady) judge_lost();
   }
 
-  void tell(const ChannelEvent& event) {
+  void report(const ChannelEvent& event) {
     const std::string status = " status=" + std::string(to_string(event.status));
     switch (event.kind) {
       case ChannelEvent::Kind::kNothing:
@@ -203,7 +196,7 @@ class ClientSide final : public Side {
         say("sees ready");
         break;
       case ChannelEvent::Kind::kReply:
-        tell_reply(event, status);
+        report_reply(event, status);
         break;
       case ChannelEvent::Kind::kRefused:
         say("sees refused" + status);
@@ -225,7 +218,7 @@ class ClientSide final : public Side {
     send(event.frame);
     send_more();
   }
-  void tell_reply(const ChannelEvent& event, const std::string& status) {
+  void report_reply(const ChannelEvent& event, const std::string& status) {
     const std::string& name = names_[event.call];
     if (!binds_.contains(name)) {
       return say("sees result " + name + status + " payload=" + hex_of_bytes(event.payload));
@@ -271,7 +264,7 @@ class ClientSide final : public Side {
              const std::vector<std::byte>& payload) {
     if (!channel_.has_free_call()) return say("sees window_full " + name);
     payloads_.push_back(payload);  // The call views it.
-    const auto frame = channel_.call(parameters, payloads_.back(), monotonic_now());
+    const auto frame = channel_.call(parameters, payloads_.back(), rt::now());
     if (!frame) return say("sees " + std::string(to_string(frame.error())) + ' ' + name);
     if (parameters.delivery != wire::Delivery::kSent) names_[channel_.last_call()] = name;
     send(*frame);

@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 #include "subject.hpp"
@@ -20,14 +21,6 @@ namespace {
 constexpr std::uint32_t kService = 1;
 constexpr std::string_view kPath = "lab/arm0";
 constexpr std::string_view kInterface = "lab.Arm";
-
-std::uint64_t random_number() {
-  std::uint64_t number = 0;
-  while (number == 0) {
-    if (::getentropy(&number, sizeof number) != 0) return 1;
-  }
-  return number;
-}
 
 std::optional<wire::Status> status_named(const std::string& name) {
   for (std::size_t i = 0; i < wire::kStatusCount; ++i) {
@@ -80,8 +73,8 @@ class ServerSide final : public Side {
   }
   void on_time() override {
     for (Lane& lane : lanes_)
-      lane.sessions->on_time(monotonic_now());
-    tell_cancelled();
+      lane.sessions->on_time(rt::now());
+    report_cancelled();
   }
 
   void on_readable(int socket) override {
@@ -104,7 +97,7 @@ class ServerSide final : public Side {
       say_counters(counters);
     } else if (line.word(0) == "does" && line.word(1) == "stop") {
       for (Lane& lane : lanes_) {
-        while (const auto outgoing = lane.sessions->close_next(monotonic_now()))
+        while (const auto outgoing = lane.sessions->close_next(rt::now()))
           send_to(outgoing->peer, outgoing->frame);
       }
     } else if (line.word(0) == "does") {
@@ -112,7 +105,7 @@ class ServerSide final : public Side {
     } else {
       say("cannot " + line.word(0));
     }
-    tell_cancelled();
+    report_cancelled();
   }
 
  private:
@@ -210,14 +203,14 @@ class ServerSide final : public Side {
     connections_.erase(number);
     for (Lane& lane : lanes_)
       lane.sessions->end_connection({.high = number});
-    tell_cancelled();
+    report_cancelled();
   }
 
   void take(ConstBytes bytes, const wire::PeerAddress& peer) {
     const auto frame = as_read(bytes, faults_);
     if (faults_.runs_copies) run_copy(frame);
     wire::ServerSessions& sessions = lane_of(frame, peer);
-    const wire::Verdict verdict = sessions.on_frame(frame, peer, monotonic_now());
+    const wire::Verdict verdict = sessions.on_frame(frame, peer, rt::now());
     switch (verdict.action) {
       case wire::Verdict::Action::kNothing:
         break;
@@ -231,7 +224,7 @@ class ServerSide final : public Side {
         dispatch(sessions, verdict.request, peer);
         break;
     }
-    tell_cancelled();
+    report_cancelled();
     if (verdict.credit_tag != 0) static_cast<void>(give_item(verdict.credit_tag));
   }
   static void run_copy(ConstBytes frame) {
@@ -250,7 +243,7 @@ class ServerSide final : public Side {
     running_[run] = {request, &sessions};
     sessions.set_tag(request, run);
     const auto left =
-        std::chrono::duration_cast<std::chrono::microseconds>(request.deadline - monotonic_now());
+        std::chrono::duration_cast<std::chrono::microseconds>(request.deadline - rt::now());
     say("sees run " + std::to_string(run) + " service=" + std::to_string(request.header.service) +
         " method=" + std::to_string(request.header.method) + " deadline_us=" +
         std::to_string(left.count()) + " payload=" + hex_of_bytes(request.payload));
@@ -264,9 +257,9 @@ class ServerSide final : public Side {
     } else if (request.header.method != wire::kMethodPing) {
       status = wire::Status::kNoSuchMethod;
     }
-    std::ranges::copy(reply, sessions.reply_buffer(request, monotonic_now()).begin());
+    std::ranges::copy(reply, sessions.reply_buffer(request, rt::now()).begin());
     const auto size = static_cast<std::uint32_t>(reply.size());
-    send_all(sessions, peer, sessions.complete(request, status, size, monotonic_now()));
+    send_all(sessions, peer, sessions.complete(request, status, size, rt::now()));
   }
   static wire::Status bind(ConstBytes payload, std::vector<std::byte>& reply) {
     const auto request = wire::decode_bind_request(payload);
@@ -314,11 +307,11 @@ class ServerSide final : public Side {
     if (!status) return say("cannot end with status " + line.value("status"));
     ConstBytes frame;
     if (line.word(1) == "receipt") {
-      frame = sessions.accept(request, *status, monotonic_now());
+      frame = sessions.accept(request, *status, rt::now());
     } else if (line.word(1) == "complete") {
-      std::ranges::copy(payload, sessions.reply_buffer(request, monotonic_now()).begin());
+      std::ranges::copy(payload, sessions.reply_buffer(request, rt::now()).begin());
       running_.erase(found);
-      frame = sessions.complete(request, *status, size, monotonic_now());
+      frame = sessions.complete(request, *status, size, rt::now());
     } else {
       return say("cannot " + line.word(1));
     }
@@ -335,7 +328,7 @@ class ServerSide final : public Side {
     const auto peer = sessions.peer_of(request);
     bool has_given = false;
     do {
-      const ConstBytes frame = sessions.push_item(request, item->second, monotonic_now());
+      const ConstBytes frame = sessions.push_item(request, item->second, rt::now());
       if (frame.empty()) return has_given;
       send_to(*peer, frame);
       has_given = true;
@@ -345,7 +338,7 @@ class ServerSide final : public Side {
   }
   /// Sends a frame, and then the frames that the sessions have to send.
   void send_all(wire::ServerSessions& sessions, const wire::PeerAddress& peer, ConstBytes frame) {
-    for (; !frame.empty(); frame = sessions.next_frame(monotonic_now()))
+    for (; !frame.empty(); frame = sessions.next_frame(rt::now()))
       send_to(peer, frame);
   }
   void send_to(const wire::PeerAddress& peer, ConstBytes frame) {
@@ -363,7 +356,7 @@ class ServerSide final : public Side {
     (void)::sendto(socket_, sent.data(), sent.size(), 0, reinterpret_cast<const sockaddr*>(&to),
                    sizeof to);
   }
-  void tell_cancelled() {
+  void report_cancelled() {
     for (Lane& lane : lanes_) {
       for (std::uint32_t run = lane.sessions->next_cancelled(); run != 0;
            run = lane.sessions->next_cancelled()) {

@@ -4,17 +4,14 @@
 
 #include <algorithm>
 
+#include "expect_fault.hpp"
+
 // Each MUST of spec/hprotocol.md and spec/events.md has code and a test, and this check itself
 // finds planted faults.
 namespace rtpm::spec {
 namespace {
 
-void expect_fault(const std::vector<Fault>& faults, std::string_view begin, std::string_view word) {
-  const bool is_found = std::ranges::any_of(faults, [&](const Fault& fault) {
-    return fault.starts_with(begin) && fault.find(word) != std::string::npos;
-  });
-  EXPECT_TRUE(is_found) << "no fault begins with '" << begin << "' and says '" << word << "'";
-}
+using tidy::expect_fault;
 
 constexpr const char* kPlantedPage =
     "# A page\n"
@@ -53,11 +50,10 @@ TEST(RuleCoverage, IsComplete) {
   const auto page = std::ranges::find(files, "spec/hprotocol.md", &SourceFile::path);
   ASSERT_NE(page, files.end());
   EXPECT_GT(std::ranges::count_if(rules_of(page->text), &Rule::is_must), 20) << "the page is read";
-  for (const Fault& fault : find_uncovered(files))
-    ADD_FAILURE() << fault;
+  tidy::expect_no_fault(find_uncovered(files));
 }
 
-TEST(RuleCoverage, LooksAtThePageOfEventsToo) {
+TEST(RuleCoverage, CoversThePageOfEvents) {
   const SourceFile page{"spec/events.md", "## 1 One {#ev-1}\n- `[ev-1-1]` A hub MUST do this.\n"};
   expect_fault(find_uncovered(planted({page})), "spec/events.md:2", "ev-1-1");
   const SourceFile code{"registry/events/src/a.cpp", "// ev-1-1: why\n"};
@@ -89,7 +85,7 @@ TEST(RuleCoverage, FindsARuleWithoutCodeOrTest) {
   expect_fault(faults, "spec/hprotocol.md:5:", "hp-1-2 is cited in no test");
 }
 
-TEST(RuleCoverage, FindsACitationOfNothing) {
+TEST(RuleCoverage, FindsACitationOfAnUnknownRule) {
   const auto faults = find_uncovered(planted({
       {"runtime/rpc/src/b.cpp", "\n// hp-1-4: gone\n"},
       {"tests/unit/b_test.cpp", "// hp-3\n"},
@@ -101,7 +97,7 @@ TEST(RuleCoverage, FindsACitationOfNothing) {
   expect_fault(faults, "spec/vectors/b.json:1:", "hp-2.2-1");
 }
 
-TEST(RuleCoverage, FindsAMustWithoutAnchorAndAnAnchorTwice) {
+TEST(RuleCoverage, FindsAMustWithoutAnchorAndADuplicateAnchor) {
   const auto faults = find_uncovered(planted({
       {"spec/hprotocol.md", std::string(kPlantedPage) + "\nAlso it MUST be so.\n"
                                                         "| a | MUST |\n"
@@ -113,7 +109,7 @@ TEST(RuleCoverage, FindsAMustWithoutAnchorAndAnAnchorTwice) {
   expect_fault(faults, "spec/hprotocol.md:15:", "hp-1-3 stands here again");
 }
 
-TEST(RuleCoverage, AnExemptionExcusesForAReason) {
+TEST(RuleCoverage, AcceptsAnExemptionWithAReason) {
   const SourceFile only_code{"tests/unit/wire/a_test.cpp", "// hp-1-2\n"};
   EXPECT_EQ(find_uncovered(planted({only_code})).size(), 1u);
   EXPECT_TRUE(find_uncovered(planted({only_code,
@@ -122,7 +118,7 @@ TEST(RuleCoverage, AnExemptionExcusesForAReason) {
                   .empty());
 }
 
-TEST(RuleCoverage, AnExemptionMustBeNeededAndSayWhy) {
+TEST(RuleCoverage, RefusesUnneededAndMalformedExemptions) {
   const auto faults = find_uncovered(planted({
       {"spec/exemptions.txt",
        "hp-1-1 test: it has one\n"

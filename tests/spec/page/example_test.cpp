@@ -38,7 +38,7 @@ std::vector<std::byte> bytes_of_example(const std::string& name) {
   return bytes;
 }
 
-TEST(SpecExample, CallIsReadAsThePageSays) {
+TEST(SpecExample, DecodesTheCall) {
   const auto frame = bytes_of_example("call");
   ASSERT_EQ(frame.size(), 112U);
   const auto header = decode_frame(frame);
@@ -57,7 +57,7 @@ TEST(SpecExample, CallIsReadAsThePageSays) {
   EXPECT_EQ(last, -0.5);
 }
 
-TEST(SpecExample, EncodingGivesTheSameBytes) {
+TEST(SpecExample, EncodesTheSameBytes) {
   for (const char* name : {"call", "reply"}) {
     const auto frame = bytes_of_example(name);
     ASSERT_GE(frame.size(), kHeaderSize);
@@ -69,7 +69,7 @@ TEST(SpecExample, EncodingGivesTheSameBytes) {
   }
 }
 
-TEST(SpecExample, ReplyIsReadAsThePageSays) {
+TEST(SpecExample, DecodesTheReply) {
   const auto header = decode_frame(bytes_of_example("reply"));
   ASSERT_TRUE(header);
   EXPECT_EQ(header->kind, FrameKind::kReply);

@@ -1,5 +1,6 @@
 // spec/layouts.json against RTPM's code: the code writes and reads each field at the offset that
-// the pages state.
+// the pages state. The vectors show it for the layouts of frames, as their generator has those of the
+// pages, too.
 
 #include <gtest/gtest.h>
 
@@ -14,11 +15,6 @@
 #include "rtpm/discovery/datagram.hpp"
 #include "rtpm/events/event.hpp"
 #include "rtpm/events/link.hpp"
-#include "rtpm/wire/control.hpp"
-#include "rtpm/wire/fragments.hpp"
-#include "rtpm/wire/handshake.hpp"
-#include "rtpm/wire/header.hpp"
-#include "rtpm/wire/stream.hpp"
 
 namespace rtpm::spec {
 namespace {
@@ -80,112 +76,6 @@ Bytes laid_out(const std::string& name, const Values& values, std::size_t size) 
   return bytes;
 }
 
-TEST(Layouts, Header) {
-  wire::Header header;
-  header.kind = wire::FrameKind::kCall;
-  header.priority = 0x0123;
-  header.flags = wire::kFlagRepeated | wire::kFlagAckWanted;
-  header.session = 0x1122334455667788;
-  header.call_id = 0x21222324;
-  header.service = 0x31323334;
-  header.method = 0x4142;
-  header.status = wire::Status::kStopping;
-  header.payload_size = 0x00616263;
-  header.fragment_index = 0x7172;
-  header.fragment_count = 0x7576;
-  header.message_size = 0x81828384;
-  header.budget_us = 0x91929394;
-  header.item = 0xa1a2a3a4;
-  header.sender_time_ns = 0xb1b2b3b4b5b6b7b8;
-  header.trace_id = 0xc1c2c3c4c5c6c7c8;
-  Bytes bytes(wire::kHeaderSize);
-  encode(header, bytes.data());
-  expect_layout("header", bytes,
-                {{"magic", 0x5048},
-                 {"version", 1},
-                 {"kind", 5},
-                 {"priority", 0x0123},
-                 {"flags", 3},
-                 {"session", header.session},
-                 {"call_id", header.call_id},
-                 {"service", header.service},
-                 {"method", header.method},
-                 {"status", 17},
-                 {"payload_size", header.payload_size},
-                 {"fragment_index", header.fragment_index},
-                 {"fragment_count", header.fragment_count},
-                 {"message_size", header.message_size},
-                 {"budget_us", header.budget_us},
-                 {"item", header.item},
-                 {"sender_time_ns", header.sender_time_ns},
-                 {"trace_id", header.trace_id}});
-}
-
-TEST(Layouts, Handshake) {
-  wire::Hello hello{
-      0x0102,     0x0304, 0x05060708, 0x1112131415161718, 0x2122232425262728, 0x3132333435363738,
-      0x41424344, {}};
-  hello.cookie.fill(std::byte{0x5a});
-  Bytes bytes(wire::Hello::kSize);
-  encode(hello, bytes);
-  expect_layout("HELLO", bytes,
-                {{"version_min", hello.version_min},
-                 {"version_max", hello.version_max},
-                 {"features", hello.features},
-                 {"client_epoch", hello.client_epoch},
-                 {"channel", hello.channel},
-                 {"clock_domain", hello.clock_domain},
-                 {"message_size_max", hello.message_size_max},
-                 {"cookie", 0x5a5a5a5a5a5a5a5a}});
-  const wire::Welcome welcome{0x0102,
-                              {0x0304, 0x0506},
-                              0x0708,
-                              0x11121314,
-                              0x2122,
-                              0x3132333435363738,
-                              0x4142434445464748,
-                              0x51525354};
-  bytes.assign(wire::Welcome::kSize, std::byte{0});
-  encode(welcome, bytes);
-  expect_layout("WELCOME", bytes,
-                {{"version", welcome.version},
-                 {"band_low", 0x0304},
-                 {"band_high", 0x0506},
-                 {"ceiling", 0x0708},
-                 {"features", welcome.features},
-                 {"window", welcome.window},
-                 {"server_epoch", welcome.server_epoch},
-                 {"clock_domain", welcome.clock_domain},
-                 {"message_size_max", welcome.message_size_max}});
-}
-
-TEST(Layouts, AckCreditAndBindReply) {
-  Bytes bytes(wire::FragmentAck::kSize);
-  encode(wire::FragmentAck{0x0102, {0x1112131415161718, 0, 0, 0}}, bytes);
-  expect_layout("ACK", bytes, Values{{"first_missing", 0x0102}, {"later", 0x1112131415161718}});
-  bytes.assign(wire::StreamCredit::kSize, std::byte{0});
-  encode(wire::StreamCredit{0x01020304, 0x05060708, 0x1112131415161718}, bytes);
-  expect_layout("CREDIT", bytes,
-                Values{{"first_missing", 0x01020304},
-                       {"byte_limit", 0x05060708},
-                       {"later", 0x1112131415161718}});
-  wire::BindReply reply;
-  reply.service = 0x01020304;
-  reply.is_server_declared = true;
-  reply.priority = 0x1112;
-  reply.fingerprint = 0x2122232425262728;
-  reply.method_count = 0x3132;
-  bytes.assign(wire::BindReply::kSize, std::byte{0});
-  encode(reply, bytes);
-  expect_layout("bind reply", bytes,
-                {{"service", reply.service},
-                 {"priority", 0x1112},
-                 {"flags", 3},
-                 {"fingerprint", reply.fingerprint},
-                 {"method_count", reply.method_count},
-                 {"methods", 0}});
-}
-
 TEST(Layouts, Event) {
   events::EventHeader header;
   header.type = 0x01020304;
@@ -219,6 +109,10 @@ TEST(Layouts, Event) {
                  {"flags", 3},
                  {"supplier_tag", header.supplier_tag},
                  {"payload", 0}});
+  const auto read = events::EventReader(writer.bytes()).next();
+  ASSERT_TRUE(read);
+  EXPECT_EQ(read->header, header);
+  EXPECT_EQ(read->payload.size(), payload.size());
 }
 
 TEST(Layouts, DiscoveryDatagram) {
@@ -234,16 +128,16 @@ TEST(Layouts, DiscoveryDatagram) {
   EXPECT_EQ(datagram->number, 0x1112131415161718U);
 }
 
-TEST(Layouts, NewsOfALink) {
-  const auto news = events::read_link_report(
+TEST(Layouts, LinkReport) {
+  const auto report = events::read_link_report(
       laid_out("news of a link",
                {{"state", 2}, {"flags", 1}, {"gap_ns", 0x1112131415161718}, {"lost", 0x21222324}},
                events::kLinkReportSize));
-  ASSERT_TRUE(news);
-  EXPECT_EQ(static_cast<int>(news->state), 2);
-  EXPECT_TRUE(news->has_peer_restarted);
-  EXPECT_EQ(news->gap.count(), 0x1112131415161718);
-  EXPECT_EQ(news->lost_count, 0x21222324U);
+  ASSERT_TRUE(report);
+  EXPECT_EQ(static_cast<int>(report->state), 2);
+  EXPECT_TRUE(report->has_peer_restarted);
+  EXPECT_EQ(report->gap.count(), 0x1112131415161718);
+  EXPECT_EQ(report->lost_count, 0x21222324U);
 }
 
 TEST(Layouts, MulticastDatagram) {

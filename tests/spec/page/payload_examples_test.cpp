@@ -71,7 +71,7 @@ const T* root_of(const Octets& octets) {
   return verifier.VerifyBuffer<T>() ? flatbuffers::GetRoot<T>(octets.data()) : nullptr;
 }
 
-TEST(PayloadExamples, RowsTellEachByte) {
+TEST(PayloadExamples, RowsDescribeEachByte) {
   for (const char* name : {"resolve-request", "resolve-reply", "device-command"}) {
     const Example page = example(name);
     EXPECT_FALSE(page.block.empty()) << name;

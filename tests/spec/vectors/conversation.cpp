@@ -92,7 +92,7 @@ class ServerSide final : public Side {
         outputs.push_back({{}, note(sessions, verdict.request)});
         break;
     }
-    tell_cancelled(outputs);
+    report_cancelled(outputs);
     if (verdict.credit_tag != 0) give_item(outputs, call_of_tag_.at(verdict.credit_tag), now);
     return outputs;
   }
@@ -103,7 +103,7 @@ class ServerSide final : public Side {
         lane.sessions->end_connection({.high = connection_number_, .port = 1});
       ++connection_number_;
       Outputs outputs;
-      tell_cancelled(outputs);
+      report_cancelled(outputs);
       return outputs;
     }
     const std::string what = step.at("server_does");
@@ -126,7 +126,7 @@ class ServerSide final : public Side {
     } else {
       act_on_call(outputs, step, free, now);
     }
-    tell_cancelled(outputs);
+    report_cancelled(outputs);
     return outputs;
   }
 
@@ -189,7 +189,7 @@ class ServerSide final : public Side {
     for (; !frame.empty(); frame = sessions.next_frame(now))
       outputs.push_back({hex_of(frame), {}});
   }
-  void tell_cancelled(Outputs& outputs) {
+  void report_cancelled(Outputs& outputs) {
     for (Lane& lane : lanes_) {
       for (std::uint32_t tag = lane.sessions->next_cancelled(); tag != 0;
            tag = lane.sessions->next_cancelled()) {
@@ -270,8 +270,8 @@ class ClientSide final : public Side {
     const std::vector<LostCall> open = open_calls();
     ChannelEvent event = channel_.on_frame(frame, now);
     if (event.kind == ChannelEvent::Kind::kNeedBuffer) {
-      rooms_.emplace_back(event.reply_size);
-      channel_.set_reply_buffer(rooms_.back(), event.call);
+      memory_.emplace_back(event.reply_size);
+      channel_.set_reply_buffer(memory_.back(), event.call);
       event = channel_.on_frame(frame, now);
     }
     Outputs outputs = outputs_of(event);
@@ -340,7 +340,7 @@ class ClientSide final : public Side {
           {{}, {{"client_sees", is_safe ? "not_run" : "may_have_run"}, {"call_id", call.call_id}}});
     }
   }
-  /// hp-4.3-2: no open call has the place of the new one.
+  /// hp-4.3-2: no open call has the slot of the new one.
   void expect_free(std::uint32_t new_call) const {
     for (const LostCall& open : open_calls()) {
       if (open.call_id == new_call) continue;
@@ -351,12 +351,12 @@ class ClientSide final : public Side {
   void give_stream_buffers(wire::CallParameters& parameters) {
     constexpr std::size_t kFrameSize = wire::kDatagramPayloadSizeMax;
     const std::uint32_t byte_window = wire::stream_bytes_first(medium_);
-    rooms_.emplace_back(kFrameSize *
-                        wire::stream_frame_count(medium_, parameters.stream_window, byte_window));
+    memory_.emplace_back(kFrameSize *
+                         wire::stream_frame_count(medium_, parameters.stream_window, byte_window));
     parameters.stream_buffers = {
-        .frames = rooms_.back(), .frame_size = kFrameSize, .item = {}, .byte_window = byte_window};
-    rooms_.emplace_back(message_size_max_);
-    parameters.stream_buffers.item = rooms_.back();
+        .frames = memory_.back(), .frame_size = kFrameSize, .item = {}, .byte_window = byte_window};
+    memory_.emplace_back(message_size_max_);
+    parameters.stream_buffers.item = memory_.back();
   }
   static wire::Delivery delivery_named(const std::string& name) {
     if (name == "receipt") return wire::Delivery::kReceipt;
@@ -403,11 +403,11 @@ class ClientSide final : public Side {
   }
   /// Returns the application's report, and the frame that is sent with it.
   Outputs outputs_of(const ChannelEvent& event) {
-    Outputs outputs = told_of(event);
+    Outputs outputs = report_of(event);
     if (!event.frame.empty()) outputs.push_back({hex_of(event.frame), {}});
     return outputs;
   }
-  Outputs told_of(const ChannelEvent& event) {
+  Outputs report_of(const ChannelEvent& event) {
     const std::string status(to_string(event.status));
     switch (event.kind) {
       case ChannelEvent::Kind::kNothing:
@@ -443,7 +443,7 @@ class ClientSide final : public Side {
 
   alignas(64) std::array<std::byte, 4096> buffer_{};
   std::deque<Bytes> payloads_;  ///< The calls' payloads, which they view.
-  std::deque<std::vector<std::byte>> rooms_;
+  std::deque<std::vector<std::byte>> memory_;
   std::map<std::uint32_t, wire::CallIndex> indices_;
   std::map<wire::CallIndex, std::uint32_t> call_ids_;
   std::vector<LostCall> lost_;

@@ -26,7 +26,7 @@ std::vector<Part> all_parts() {
   std::vector<Part> parts;
   for (const std::string& name : conversation_names()) {
     const Json conversation = read(name);
-    // binding_conversation_test.cpp plays these conversations.
+    // The tests of spec/conform play these conversations.
     if (conversation.contains("level")) continue;
     for (const std::string role : conversation.at("roles")) {
       parts.push_back({name, role == "client" ? Role::kClient : Role::kServer});
@@ -37,7 +37,7 @@ std::vector<Part> all_parts() {
 
 class Conversations : public testing::TestWithParam<Part> {};
 
-TEST_P(Conversations, GoAsTheySay) {
+TEST_P(Conversations, FollowTheVector) {
   const Json conversation = read(GetParam().conversation);
   EXPECT_FALSE(conversation.at("steps").empty());
   EXPECT_EQ(play(conversation, GetParam().role), "");
@@ -59,7 +59,7 @@ INSTANTIATE_TEST_SUITE_P(Vectors, ConversationPlayer,
                                          "cancelled-call", "stream", "several-calls",
                                          "server-stops"));
 
-TEST_P(ConversationPlayer, NoticesWhatIsNotAsTheVectorSays) {
+TEST_P(ConversationPlayer, DetectsDeviationsFromTheVector) {
   const Json good = read(GetParam());
   for (const Role role : {Role::kClient, Role::kServer}) {
     for (std::size_t i = 0; i < good.at("steps").size(); ++i) {

@@ -9,7 +9,7 @@ namespace rtpm::spec {
 namespace {
 
 // hp-10.1-1
-TEST(DiscoveryVectors, GoodOnesAreReadAndWritten) {
+TEST(DiscoveryVectors, GoodOnesRoundTrip) {
   const Json vectors = read_vectors("discovery.json").at("good");
   EXPECT_FALSE(vectors.empty());
   for (const Json& vector : vectors) {
@@ -39,7 +39,7 @@ TEST(DiscoveryVectors, BadOnesAreDropped) {
 }
 
 // Any bytes are read within their bounds, and written as they were.
-TEST(DiscoveryVectors, ReadsWhateverComes) {
+TEST(DiscoveryVectors, AnyBytesAreReadWithinBounds) {
   const Bytes good = bytes_of_hex(read_vectors("discovery.json").at("good").back().at("hex"));
   std::uint64_t random = 1;
   for (int i = 0; i < 20'000; ++i) {

@@ -12,7 +12,7 @@
 namespace rtpm::schema {
 namespace {
 
-TEST(FingerprintVectors, AreTheCompilers) {
+TEST(FingerprintVectors, MatchTheCompiler) {
   std::ifstream file(RTPM_SPEC_DIR "/vectors/fingerprints.json");
   const auto document = nlohmann::json::parse(file);
   EXPECT_FALSE(document.at("vectors").empty());

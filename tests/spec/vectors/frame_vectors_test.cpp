@@ -43,7 +43,7 @@ wire::Header header_of(const Json& vector) {
   return header;
 }
 
-TEST(HeaderVectors, GoodOnesAreTakenAsTheySay) {
+TEST(HeaderVectors, GoodOnesAreDecoded) {
   const Json document = read_vectors("headers-good.json");
   EXPECT_FALSE(document.at("vectors").empty());
   for (const Json& vector : document.at("vectors")) {
@@ -119,7 +119,7 @@ void expect_names(const Json& numbers, std::size_t count) {
   }
 }
 
-TEST(Constants, AreTheCodes) {
+TEST(Constants, MatchTheCode) {
   const Json constants = read_vectors("constants.json");
   EXPECT_EQ(constants.at("version"), wire::kVersion);
   EXPECT_EQ(constants.at("header_size"), wire::kHeaderSize);
@@ -175,7 +175,7 @@ std::map<std::string, int> numbers_on_the_page(const std::string& anchor) {
   return numbers;
 }
 
-TEST(Constants, AreThePages) {
+TEST(Constants, MatchThePage) {
   const Json constants = read_vectors("constants.json");
   EXPECT_EQ(Json(numbers_on_the_page("hp-3")), constants.at("kinds"));
   EXPECT_EQ(Json(numbers_on_the_page("hp-7")), constants.at("statuses"));

@@ -46,8 +46,8 @@ class FreeBytes {
       at += size;
       if (!is_name) return here == part;
       if (known_.contains(part)) return here == known_[part];
-      const auto [place, is_first] = learned.try_emplace(part, here);
-      return is_first || place->second == here;
+      const auto [known, is_first] = learned.try_emplace(part, here);
+      return is_first || known->second == here;
     });
     if (!is_same || at != hex.size()) return false;
     for (const auto& [name, value] : learned)

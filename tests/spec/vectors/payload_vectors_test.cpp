@@ -122,7 +122,7 @@ class OpeningClient {
   std::uint32_t handshake_number_ = 0;
 };
 
-TEST(CookieVectors, GoodOnesComeBack) {
+TEST(CookieVectors, GoodOnesAreReturned) {
   for_each_payload("cookie.json", "good", [](const Json& vector, const Bytes& payload) {
     OpeningClient client;
     const auto event = client.receive(wire::FrameKind::kCookie, 0, payload);
@@ -143,7 +143,7 @@ TEST(CookieVectors, BadOnesAreDropped) {
 }
 
 // hp-5.6-4
-TEST(AckVectors, AreReadOrNot) {
+TEST(AckVectors, AreDecodedOrRejected) {
   for_each_payload("ack.json", "good", [](const Json& vector, const Bytes& payload) {
     const auto ack = wire::decode_ack(payload);
     ASSERT_TRUE(ack);
@@ -160,7 +160,7 @@ TEST(AckVectors, AreReadOrNot) {
 }
 
 // hp-5.10-8
-TEST(CreditVectors, AreReadOrNot) {
+TEST(CreditVectors, AreDecodedOrRejected) {
   for_each_payload("credit.json", "good", [](const Json& vector, const Bytes& payload) {
     const auto credit = wire::decode_credit(payload);
     ASSERT_TRUE(credit);
@@ -229,7 +229,7 @@ TEST(BindRequestVectors, AreReadOrRefused) {
   });
 }
 
-TEST(BindReplyVectors, AreTakenOrNot) {
+TEST(BindReplyVectors, AreDecodedOrRejected) {
   for_each_payload("bind-reply.json", "good", [](const Json& vector, const Bytes& payload) {
     const auto reply = wire::decode_bind_reply(payload);
     ASSERT_TRUE(reply);
@@ -251,7 +251,7 @@ TEST(BindReplyVectors, AreTakenOrNot) {
   });
 }
 
-TEST(UrlVectors, AreTakenApartOrNot) {
+TEST(UrlVectors, AreParsedOrRejected) {
   const Json vectors = read_vectors("urls.json");
   for (const Json& vector : vectors.at("good")) {
     const auto url = wire::parse_url(vector.at("text").get<std::string>());
@@ -267,7 +267,7 @@ TEST(UrlVectors, AreTakenApartOrNot) {
 }
 
 // hp-4.1-7
-TEST(ClockDomainVectors, AreWhatTheRecipeMakes) {
+TEST(ClockDomainVectors, AreDerivedFromBootAndTimeNamespace) {
   const Json vectors = read_vectors("clock-domain.json").at("vectors");
   EXPECT_FALSE(vectors.empty());
   for (const Json& vector : vectors) {
@@ -279,7 +279,7 @@ TEST(ClockDomainVectors, AreWhatTheRecipeMakes) {
 }
 
 // hp-12.2-1, hp-12.2-2, hp-6.3-2
-TEST(VersionVectors, AreUnderstoodOrNot) {
+TEST(VersionVectors, AreCompatibleOrNot) {
   const Json pairs = read_vectors("versions.json").at("pairs");
   EXPECT_GT(pairs.size(), 80u);
   for (const Json& pair : pairs) {

@@ -26,8 +26,8 @@ std::optional<crypto::Suite> suite_of(const Json& vector) {
 }
 
 crypto::Secret secret_at(const Json& vector, const char* key) {
-  return crypto::Secret(
-      std::span<const std::byte, crypto::kKeySize>(bytes_of_hex(vector.at(key).get<std::string>())));
+  return crypto::Secret(std::span<const std::byte, crypto::kKeySize>(
+      bytes_of_hex(vector.at(key).get<std::string>())));
 }
 Bytes bytes_at(const Json& vector, const char* key) {
   return bytes_of_hex(vector.at(key).get<std::string>());
@@ -84,9 +84,9 @@ TEST(SealedVectors, HandshakesOfTheClient) {
     EXPECT_EQ(hex_of(hello.prologue), vector.at("prologue"));
     const auto server = crypto::KeyPair::of(secret_at(vector, "server_private"));
     crypto::Initiator initiator(*suite, crypto::KeyPair::of(secret_at(vector, "client_private")),
-                              server.public_key, secret_at(vector, "psk"),
-                              crypto::KeyPair::of(secret_at(vector, "client_ephemeral")),
-                              hello.prologue);
+                                server.public_key, secret_at(vector, "psk"),
+                                crypto::KeyPair::of(secret_at(vector, "client_ephemeral")),
+                                hello.prologue);
     Bytes former(wire::kMessage1PayloadSize);
     store_le(former.data(), wide_number(vector.at("former_session")));
     Bytes message(wire::SealedHello::kMessageSize);
@@ -116,9 +116,10 @@ TEST(SealedVectors, HandshakesOfTheServer) {
     const HelloParts parts(vector);
     const auto hello = wire::decode_sealed_hello(parts.payload);
     ASSERT_TRUE(hello);
-    EXPECT_EQ((hello->hello.features & wire::kFeatureAesGcm) != 0, *suite == crypto::Suite::kAesGcm);
+    EXPECT_EQ((hello->hello.features & wire::kFeatureAesGcm) != 0,
+              *suite == crypto::Suite::kAesGcm);
     crypto::Responder responder(*suite, crypto::KeyPair::of(secret_at(vector, "server_private")),
-                              secret_at(vector, "psk"), parts.prologue);
+                                secret_at(vector, "psk"), parts.prologue);
     Bytes former(wire::kMessage1PayloadSize);
     const auto client = responder.read_message_1(hello->message, former);
     ASSERT_TRUE(client);
@@ -132,8 +133,8 @@ TEST(SealedVectors, HandshakesOfTheServer) {
     encode(*read, again);
     EXPECT_EQ(again, inside);
     Bytes message(wire::SealedWelcome::kSize);
-    ASSERT_TRUE(responder.write_message_2(crypto::KeyPair::of(secret_at(vector, "server_ephemeral")),
-                                          inside, message));
+    ASSERT_TRUE(responder.write_message_2(
+        crypto::KeyPair::of(secret_at(vector, "server_ephemeral")), inside, message));
     EXPECT_EQ(hex_of(message),
               hex_of(ConstBytes(bytes_at(vector, "welcome")).subspan(wire::kHeaderSize)));
     expect_keys(*responder.keys(), vector, "server_key", "client_key");
@@ -141,7 +142,7 @@ TEST(SealedVectors, HandshakesOfTheServer) {
 }
 
 // sec-3.1-1
-TEST(SealedVectors, CookieIsReadAndWritten) {
+TEST(SealedVectors, CookieRoundTrips) {
   const Json vector = sealed_vectors("cookie");
   const Bytes payload = bytes_at(vector, "hex");
   const auto cookie = wire::decode_sealed_cookie(payload);
@@ -217,7 +218,7 @@ TEST(SealedVectors, BadFramesAreDroppedAndChangeNothing) {
 }
 
 // A receiver without level S drops them (hp-2-2).
-TEST(SealedVectors, SealedFramesAreNoOrdinaryOnes) {
+TEST(SealedVectors, OrdinaryDecodersRejectSealedFrames) {
   for (const Json& vector : sealed_vectors("frames")) {
     const auto read = wire::decode_frame(bytes_at(vector, "hex"));
     ASSERT_FALSE(read);
@@ -226,7 +227,7 @@ TEST(SealedVectors, SealedFramesAreNoOrdinaryOnes) {
 }
 
 // sec-5-5
-TEST(SealedVectors, EachKeyFollowsFromTheOneBefore) {
+TEST(SealedVectors, EachKeyDerivesFromThePreviousOne) {
   for (const Json& vector : sealed_vectors("keys")) {
     const auto suite = suite_of(vector);
     if (!suite) continue;
@@ -242,14 +243,15 @@ TEST(SealedVectors, EachKeyFollowsFromTheOneBefore) {
       // Two keys are alike if one opens what the other seals.
       Bytes text(5), sealed(5), tag(crypto::kTagSize);
       same.seal(7, {}, text, sealed, std::span<std::byte, crypto::kTagSize>(tag));
-      EXPECT_TRUE(next.open(7, {}, sealed, std::span<const std::byte, crypto::kTagSize>(tag), text));
+      EXPECT_TRUE(
+          next.open(7, {}, sealed, std::span<const std::byte, crypto::kTagSize>(tag), text));
       key.copy_from(next);
     }
   }
 }
 
 // sec-5-4, sec-5-5, sec-5-6
-TEST(SealedVectors, WindowsAndKeysTakeWhatTheyShould) {
+TEST(SealedVectors, WindowsAndKeysAcceptTheRightFrames) {
   for (const Json& vector : sealed_vectors("windows")) {
     SCOPED_TRACE(vector.at("name"));
     const auto suite = suite_of(vector);

@@ -3,18 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
-#include <iterator>
-#include <memory>
 #include <sstream>
+
+#include "rtpm/test/temporary_folder.hpp"
 
 namespace rtpm::spec {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr std::uint8_t kTcp = 6;
 constexpr std::uint8_t kUdp = 17;
@@ -51,34 +47,6 @@ void put_le(std::vector<std::byte>& to, T value) {
 std::uint64_t direction(End from, End to) {
   return std::uint64_t{from.host} << 40 | std::uint64_t{from.port} << 24 |
          std::uint64_t{to.host} << 16 | to.port;
-}
-
-struct CloseFile {
-  void operator()(std::FILE* file) const { std::fclose(file); }
-};
-
-/// A folder for one run, which the destructor removes.
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string name = (fs::temp_directory_path() / "rtpm-spec-XXXXXX").string();
-    path_ = mkdtemp(name.data()) == nullptr ? fs::temp_directory_path() : fs::path(name);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  ~ScratchFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  [[nodiscard]] std::string file(const char* name) const { return (path_ / name).string(); }
-
- private:
-  fs::path path_;
-};
-
-std::string text_of(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
 }
 
 /// Splits `line` at its tabs.
@@ -172,17 +140,17 @@ void Capture::write(const std::string& path) const {
 }
 
 std::string why_no_tshark() {
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   const std::string command = "tshark --version >" + folder.file("version") + " 2>/dev/null";
   if (std::system(command.c_str()) != 0) return "needs tshark (Debian package tshark)";
-  const std::string version = text_of(folder.file("version"));
+  const std::string version = folder.read("version");
   return version.find("with Lua") == std::string::npos ? "needs a tshark that was built with Lua"
                                                        : "";
 }
 
 std::vector<Row> dissect(const Capture& capture, const std::vector<std::string>& fields,
                          const std::string& key_log) {
-  const ScratchFolder folder;
+  const test::TemporaryFolder folder;
   capture.write(folder.file("capture.pcap"));
   // tshark gets its own home, so that no user's settings and scripts interfere.
   std::string command = "HOME='" + folder.file("") + "' XDG_CONFIG_HOME='" + folder.file("") +
@@ -198,7 +166,7 @@ std::vector<Row> dissect(const Capture& capture, const std::vector<std::string>&
   command += " 2>'" + folder.file("errors") + "' >'" + folder.file("rows") + "'";
   const int status = std::system(command.c_str());
   EXPECT_EQ(status, 0) << command;
-  EXPECT_EQ(complaints_in(text_of(folder.file("errors"))), "");
+  EXPECT_EQ(complaints_in(folder.read("errors")), "");
 
   std::vector<Row> rows;
   std::ifstream file(folder.file("rows"));

@@ -6,7 +6,6 @@
 #include "capture.hpp"
 #include "peers.hpp"
 #include "rtpm/crypto/session.hpp"
-#include "rtpm/wire/control.hpp"
 #include "rtpm/wire/sealed.hpp"
 #include "talk.hpp"
 #include "vectors.hpp"
@@ -17,17 +16,10 @@ namespace rtpm::spec {
 namespace {
 
 using namespace std::chrono_literals;
-using Column = std::vector<std::string>;
 
 constexpr std::uint64_t kSession = 0xb7fc5e0b78510000;
-constexpr End kServer{.host = 2, .port = kDefaultPort};
 
-class SealedDissector : public testing::Test {
- protected:
-  void SetUp() override {
-    if (const std::string why = why_no_tshark(); !why.empty()) GTEST_SKIP() << why;
-  }
-};
+class SealedDissector : public DissectorTest {};
 
 std::vector<crypto::Suite> suites() {
   std::vector<crypto::Suite> all{crypto::Suite::kChaChaPoly};
@@ -71,12 +63,6 @@ class Direction {
   crypto::Suite suite_;
   crypto::Secret key_;
 };
-
-Bytes bind_request() {
-  Bytes bytes(64);
-  bytes.resize(wire::encode(wire::BindRequest{"lab/arm0", "lab.Arm", 0x1234}, bytes));
-  return bytes;
-}
 
 Bytes bind_reply() {
   Bytes bytes(wire::BindReply::kSize);
@@ -157,7 +143,7 @@ TEST_F(SealedDissector, OpensFramesByAKeyLog) {
 }
 
 // A whole conversation of our client and lane, with the line that the server writes to its key log.
-TEST_F(SealedDissector, OpensASessionByTheLineOfItsServer) {
+TEST_F(SealedDissector, OpensASessionByTheServersKeyLog) {
   sealed::test::Server server;
   sealed::test::Client client(server.identity.key.public_key);
   Capture capture;
@@ -184,7 +170,7 @@ TEST_F(SealedDissector, OpensASessionByTheLineOfItsServer) {
     EXPECT_EQ(row.at("rtpm.drop"), "");
 }
 
-TEST_F(SealedDissector, ShowsWhatIsReadableWithoutKeys) {
+TEST_F(SealedDissector, ShowsReadableFieldsWithoutKeys) {
   const Direction client(crypto::Suite::kChaChaPoly, std::byte{0x55});
   const Direction server(crypto::Suite::kChaChaPoly, std::byte{0x66});
   for (const std::string& log : {std::string(), std::string("RTPM_SESSION 12 aes-256-gcm 5 6\n")}) {
@@ -205,7 +191,7 @@ TEST_F(SealedDissector, ShowsWhatIsReadableWithoutKeys) {
 }
 
 // The vectors' frames, and those of their faults that show without a key.
-TEST_F(SealedDissector, SaysWhichFramesAreDropped) {
+TEST_F(SealedDissector, ReportsDroppedFrames) {
   const Json document = read_vectors("sealed.json");
   Capture capture;
   Column wanted;
@@ -234,13 +220,8 @@ TEST_F(SealedDissector, ReadsHandshakes) {
   Capture capture;
   capture.add_datagram(kClient, kServer, bytes_of_hex(handshake.at("hello")), at(0us));
   capture.add_datagram(kServer, kClient, bytes_of_hex(handshake.at("welcome")), at(1us));
-  wire::Header header;
-  header.kind = wire::FrameKind::kCookie;
-  const Bytes payload = bytes_of_hex(document.at("cookie").at("hex"));
-  header.payload_size = header.message_size = static_cast<std::uint32_t>(payload.size());
-  Bytes cookie(wire::kHeaderSize);
-  wire::encode(header, cookie.data());
-  cookie.insert(cookie.end(), payload.begin(), payload.end());
+  const Bytes cookie =
+      frame_with({.kind = wire::FrameKind::kCookie}, bytes_of_hex(document.at("cookie").at("hex")));
   capture.add_datagram(kServer, kClient, cookie, at(2us));
   const auto rows = dissect(
       capture, {"rtpm.hello.features", "rtpm.sealed_hello.ephemeral", "rtpm.sealed_welcome.payload",

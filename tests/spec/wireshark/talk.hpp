@@ -10,6 +10,7 @@
 
 #include "capture.hpp"
 #include "rtpm/wire/client_channel.hpp"
+#include "rtpm/wire/control.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 #include "vectors.hpp"
 
@@ -18,10 +19,35 @@ namespace rtpm::spec {
 
 inline constexpr std::uint16_t kDefaultPort = 7420;
 inline constexpr End kClient{.host = 1, .port = 4711};
+inline constexpr End kServer{.host = 2, .port = kDefaultPort};
 inline constexpr int kPriority = 24000;
 
 [[nodiscard]] inline MonotonicTime at(Duration since_begin) {
   return time_from_ns(1'000'000'000) + since_begin;
+}
+
+using Column = std::vector<std::string>;
+
+/// Tests that tshark takes part in.
+class DissectorTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const std::string why = why_no_tshark(); !why.empty()) GTEST_SKIP() << why;
+  }
+};
+
+[[nodiscard]] inline Bytes bind_request() {
+  Bytes bytes(64);
+  bytes.resize(encode(wire::BindRequest{"lab/arm0", "lab.Arm", 0x1234}, bytes));
+  return bytes;
+}
+
+[[nodiscard]] inline Bytes frame_with(wire::Header header, const Bytes& payload) {
+  header.payload_size = header.message_size = static_cast<std::uint32_t>(payload.size());
+  Bytes frame(wire::kHeaderSize);
+  encode(header, frame.data());
+  frame.insert(frame.end(), payload.begin(), payload.end());
+  return frame;
 }
 
 /// Our client and our server in a conversation that is captured frame by frame.
