@@ -113,7 +113,7 @@ std::unique_ptr<schema::Dynamic> object_of(const Example& example, const std::st
   return service("idl/device.fbs", "rtpm.device.Device");
 }
 
-TEST(Examples, OfCommandsAreCommandLinesThatRtpmTakes) {
+TEST(Examples, AreCommandLinesThatRtpmAccepts) {
   const auto all = examples();
   EXPECT_GT(all.size(), 100u) << "some are not found";
   for (const Example& example : all) {
@@ -131,7 +131,7 @@ TEST(Examples, OfCommandsAreCommandLinesThatRtpmTakes) {
   }
 }
 
-TEST(Examples, OfCallsHaveAMethodAndARequestThatTheObjectTakes) {
+TEST(Examples, CallMethodsWithRequestsThatTheObjectAccepts) {
   std::size_t count = 0;
   for (const Example& example : examples()) {
     const std::vector<std::string> words = words_of(example.text);

@@ -36,7 +36,7 @@ StreamMeter measured(const std::vector<Event>& events) {
   return meter;
 }
 
-TEST(StreamMeter, TellsTheRateOfAPerfectStream) {
+TEST(StreamMeter, MeasuresTheRateOfAPerfectStream) {
   const StreamMeter meter = measured(stream(100'001));
   EXPECT_EQ(meter.count(), 100'001u);
   EXPECT_DOUBLE_EQ(meter.rate_hz(), 10'000.0);
@@ -48,7 +48,7 @@ TEST(StreamMeter, TellsTheRateOfAPerfectStream) {
   EXPECT_EQ(meter.latency().max(), 50us);
 }
 
-TEST(StreamMeter, TellsLossesExactlyAndTheRateAsSent) {
+TEST(StreamMeter, CountsLossesExactlyAndMeasuresTheSentRate) {
   std::mt19937 random(7);
   const std::vector<Event> all = stream(100'001);
   std::vector<Event> arrived;
@@ -69,7 +69,7 @@ TEST(StreamMeter, TellsLossesExactlyAndTheRateAsSent) {
   EXPECT_EQ(meter.jitter()->max, 0ns) << "a gap is no jitter";
 }
 
-TEST(StreamMeter, TellsJitterExactly) {
+TEST(StreamMeter, MeasuresJitterExactly) {
   // Intervals alternate between 110 us and 90 us.
   const StreamMeter meter = measured(stream(100'001, 10us));
   EXPECT_EQ(meter.jitter()->mean, kPeriod);
@@ -77,7 +77,7 @@ TEST(StreamMeter, TellsJitterExactly) {
   EXPECT_NEAR(meter.jitter()->rms_ns, 10'000.0, 1e-6);
 }
 
-TEST(StreamMeter, CountsDuplicatesAndDisorderAndLosesNothingByThem) {
+TEST(StreamMeter, CountsDuplicatesAndReorderedEventsButNoLosses) {
   std::vector<Event> events = stream(1'000);
   events.insert(events.begin() + 500, events[499]);  // A duplicate.
   events.insert(events.begin() + 500, events[10]);   // An old event.
@@ -90,7 +90,7 @@ TEST(StreamMeter, CountsDuplicatesAndDisorderAndLosesNothingByThem) {
   EXPECT_EQ(meter.restart_count(), 0u);
 }
 
-TEST(StreamMeter, SeesThatASourceBeganAnew) {
+TEST(StreamMeter, DetectsARestartOfTheSource) {
   std::vector<Event> events = stream(1'000, 0ns, 500);
   for (Event event : stream(2'000)) {
     event.origin += 10s;
@@ -103,7 +103,7 @@ TEST(StreamMeter, SeesThatASourceBeganAnew) {
   EXPECT_DOUBLE_EQ(meter.rate_hz(), 10'000.0) << "the pause between the lives counts";
 }
 
-TEST(StreamMeter, SeesAClockThatJumpsBack) {
+TEST(StreamMeter, DetectsAClockThatJumpsBack) {
   std::vector<Event> events = stream(1'000);
   for (std::size_t i = 400; i < events.size(); ++i)
     events[i].origin -= 500ms;
@@ -113,7 +113,7 @@ TEST(StreamMeter, SeesAClockThatJumpsBack) {
   EXPECT_EQ(meter.jitter()->max, 0ns);
 }
 
-TEST(StreamMeter, OfNothingOrOneEventTellsNothing) {
+TEST(StreamMeter, ReportsNothingForFewerThanTwoEvents) {
   EXPECT_EQ(StreamMeter().rate_hz(), 0.0);
   EXPECT_FALSE(StreamMeter().jitter());
   const StreamMeter one = measured(stream(1, 0ns, 77));
@@ -122,7 +122,7 @@ TEST(StreamMeter, OfNothingOrOneEventTellsNothing) {
   EXPECT_EQ(one.rate_hz(), 0.0);
 }
 
-TEST(StreamMeter, KeepsAHugeGapInBounds) {
+TEST(StreamMeter, CountsAHugeGap) {
   std::vector<Event> events = stream(2);
   events[1].sequence = 1'000'000'000'000;
   const StreamMeter meter = measured(events);
