@@ -17,7 +17,7 @@ void add_round(Samples& samples, int round, int count, int scale) {
     samples.add(microseconds{i * scale});
 }
 
-TEST(Samples, PercentilesAreTheSmallestThatSoManyDoNotExceed) {
+TEST(Samples, PercentilesAreOfTheNearestRank) {
   Samples samples(1, 1000);
   add_round(samples, 0, 1000, 1);
   EXPECT_EQ(samples.stretch_percentiles(50), std::vector<double>{500});
@@ -36,7 +36,7 @@ TEST(Samples, ReportTheMedianOfTheRoundsButTheMaximumOfAll) {
   EXPECT_DOUBLE_EQ(samples.percentiles().p9999, 1000);
 }
 
-TEST(Samples, TakeRoundsTogetherUntilTenSamplesLieBeyondThePercentile) {
+TEST(Samples, MergeRoundsUntilTenSamplesExceedThePercentile) {
   Samples samples(5, 500);
   for (int round = 0; round < 5; ++round)
     add_round(samples, round, 500, 1 + round);
@@ -46,7 +46,7 @@ TEST(Samples, TakeRoundsTogetherUntilTenSamplesLieBeyondThePercentile) {
   EXPECT_EQ(stretches_of(samples, samples, 99.9).size(), 1u) << "too few in all";
 }
 
-TEST(Samples, LeaveOutDisturbedRoundsAsLongAsAThirdRemains) {
+TEST(Samples, ExcludeDisturbedRoundsWhileAThirdRemains) {
   Samples samples(4, 100);
   for (int round = 0; round < 4; ++round) {
     add_round(samples, round, 100, round == 0 ? 1000 : round == 1 ? 10 : 1);
@@ -60,14 +60,17 @@ TEST(Samples, LeaveOutDisturbedRoundsAsLongAsAThirdRemains) {
   EXPECT_EQ(samples.stretch_percentiles(50).size(), 4u) << "one round would be too little";
 }
 
-TEST(Samples, WithoutAnyAreZero) {
+TEST(Samples, AreZeroIfEmpty) {
   const Samples samples(2, 10);
   EXPECT_EQ(samples.count(), 0u);
   EXPECT_DOUBLE_EQ(samples.percentiles().p50, 0);
   EXPECT_DOUBLE_EQ(samples.percentiles().max, 0);
+  Samples some(1, 10);
+  add_round(some, 0, 10, 1);
+  EXPECT_DOUBLE_EQ(ratio_at(some, samples, 50).middle, 0);
 }
 
-TEST(Samples, ARatioIsTheMiddleOfTheRoundsRatiosWithAnIntervalInItsRange) {
+TEST(Samples, RatioIsTheMedianOfTheRoundRatios) {
   Samples slow(3, 20);
   Samples fast(3, 20);
   const int slow_scales[] = {3, 20, 40};
@@ -83,7 +86,7 @@ TEST(Samples, ARatioIsTheMiddleOfTheRoundsRatiosWithAnIntervalInItsRange) {
   EXPECT_DOUBLE_EQ(ratio.high, 4);
 }
 
-TEST(Samples, TheIntervalOfARatioIsTheNarrowerTheMoreRoundsAgree) {
+TEST(Samples, RatioIntervalNarrowsWithAgreeingRounds) {
   constexpr int kRounds = 40;
   Samples slow(kRounds, 500);
   Samples fast(kRounds, 500);
@@ -100,7 +103,7 @@ TEST(Samples, TheIntervalOfARatioIsTheNarrowerTheMoreRoundsAgree) {
   EXPECT_LE(at_tail.low, at_tail.middle);
 }
 
-TEST(Samples, OnlyRoundsThatBothKeepMakeARatio) {
+TEST(Samples, RatioUsesOnlyRoundsThatBothKeep) {
   Samples slow(2, 100);
   Samples fast(2, 100);
   for (int round = 0; round < 2; ++round) {
@@ -111,13 +114,7 @@ TEST(Samples, OnlyRoundsThatBothKeepMakeARatio) {
   EXPECT_DOUBLE_EQ(ratio_at(slow, fast, 50).middle, 3);
 }
 
-TEST(Samples, ARatioToNothingIsZero) {
-  Samples some(1, 10);
-  add_round(some, 0, 10, 1);
-  EXPECT_DOUBLE_EQ(ratio_at(some, Samples(1, 10), 50).middle, 0);
-}
-
-TEST(Samples, TellsEveryLatencyInItsOrder) {
+TEST(Samples, ListEveryLatencyInOrder) {
   Samples samples(2, 2);
   for (int round = 0; round < 2; ++round) {
     samples.begin_round(round);

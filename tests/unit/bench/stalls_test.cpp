@@ -25,7 +25,7 @@ void take_cpu(int cpu, Duration time) {
   ASSERT_TRUE(thread);
 }
 
-TEST(StallDetector, FeelsThatItsCpuStoodStill) {
+TEST(StallDetector, NoticesAStallOfItsCpu) {
   if (!rtpm::test::has_realtime_right()) GTEST_SKIP() << rtpm::test::kNoRealtimeRight;
   const std::array<int, 1> cpus{sched_getcpu()};
   StallDetector detector;
@@ -39,7 +39,7 @@ TEST(StallDetector, FeelsThatItsCpuStoodStill) {
 
 // The time that a CPU spends on other threads or asleep does not count as stolen. A hypervisor may
 // steal some at any time, but not in each attempt.
-TEST(StolenTime, IsNotWhatACpuWorkedOrSlept) {
+TEST(StolenTime, ExcludesWorkAndSleep) {
   const std::array<int, 1> cpus{sched_getcpu()};
   if (!StolenTime(cpus).most()) GTEST_SKIP() << "no se.exec_start in /proc/thread-self/sched";
   EXPECT_TRUE(rtpm::test::await([&] {
@@ -51,7 +51,7 @@ TEST(StolenTime, IsNotWhatACpuWorkedOrSlept) {
   }));
 }
 
-TEST(StolenTime, LeavesItsThreadWhereItWas) {
+TEST(StolenTime, RestoresTheAffinityOfItsThread) {
   cpu_set_t before;
   ASSERT_EQ(sched_getaffinity(0, sizeof before, &before), 0);
   const std::array<int, 1> cpus{sched_getcpu()};
@@ -62,7 +62,7 @@ TEST(StolenTime, LeavesItsThreadWhereItWas) {
 }
 
 // A CPU that does not exist has no figures.
-TEST(StolenTime, KnowsNothingOfOtherCpus) {
+TEST(StolenTime, IsUnknownForAnAbsentCpu) {
   const std::array<int, 1> cpus{CPU_SETSIZE - 1};
   EXPECT_EQ(StolenTime(cpus).most(), std::nullopt);
 }
