@@ -47,7 +47,7 @@ TEST_F(CatalogOfARoom, DescribesByPathAndByInterface) {
   }
 }
 
-TEST_F(CatalogOfARoom, RefusesWhatItDoesNotHave) {
+TEST_F(CatalogOfARoom, RefusesUnknownObjects) {
   DescribeRequestT request;
   request.path = "room/window";
   EXPECT_EQ(client_->describe(request).error(), rpc::CallError::kNoSuchObject);
