@@ -11,10 +11,12 @@
 #include "rtpm/rt/priority.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/os.hpp"
+#include "rtpm/test/text.hpp"
 
 namespace rtpm::rt {
 namespace {
 
+using test::expect_text;
 using test::fifo;
 using test::kTimeShared;
 using test::scheduling_of_this_thread;
@@ -39,12 +41,6 @@ Seen seen_by(const ThreadConfig& config) {
   EXPECT_TRUE(thread) << thread.error().text();
   if (thread) thread->join();
   return seen;
-}
-
-void expect_text(const std::string& text, const std::vector<std::string>& parts) {
-  for (const std::string& part : parts) {
-    EXPECT_NE(text.find(part), text.npos) << "'" << part << "' is not in: " << text;
-  }
 }
 
 TEST(Thread, RunsItsBodyOnceAndJoins) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
+#include "rtpm/test/text.hpp"
 #include "rtpm/transport/error.hpp"
 #include "rtpm/transport/socket.hpp"
 #include "rtpm/wire/header.hpp"
@@ -24,6 +25,8 @@ inline void PrintTo(IoError error, std::ostream* out) {
 }
 
 namespace test {
+
+using rtpm::test::expect_text;
 
 using Bytes = std::vector<std::byte>;
 
@@ -56,12 +59,6 @@ using Bytes = std::vector<std::byte>;
 inline void write_all(const Descriptor& to, ConstBytes bytes) {
   ASSERT_EQ(send(to.number(), bytes.data(), bytes.size(), MSG_NOSIGNAL),
             static_cast<ssize_t>(bytes.size()));
-}
-
-inline void expect_text(const std::string& text, const std::vector<std::string>& parts) {
-  for (const std::string& part : parts) {
-    EXPECT_NE(text.find(part), text.npos) << "'" << part << "' is not in: " << text;
-  }
 }
 
 }  // namespace test

@@ -135,11 +135,11 @@ inline Pattern pattern_named(const std::string& name) {
     }
   }
   if (psk == std::string::npos) return pattern;
-  const auto place = static_cast<std::size_t>(name[psk + 3] - '0');
-  if (place == 0) {
+  const auto position = static_cast<std::size_t>(name[psk + 3] - '0');
+  if (position == 0) {
     pattern.messages.front().insert(pattern.messages.front().begin(), "psk");
   } else {
-    pattern.messages[place - 1].emplace_back("psk");
+    pattern.messages[position - 1].emplace_back("psk");
   }
   return pattern;
 }
