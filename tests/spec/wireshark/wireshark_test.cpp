@@ -372,7 +372,6 @@ TEST_F(Dissector, ReadsEveryConversationOfTheVectors) {
   for (const std::string& name : conversation_names()) {
     const Json document = read_vectors("conversations/" + name + ".json");
     const End client{.host = 1, .port = ++port};
-    const End serverkServer;
     for (const Json& step : document.at("steps")) {
       if (!step.contains("frame")) continue;
       std::string hex = step.at("hex");
@@ -383,8 +382,8 @@ TEST_F(Dissector, ReadsEveryConversationOfTheVectors) {
       const std::string way = step.at("frame");
       const bool is_from_client = way == "client to server" || way == "network to server";
       const MonotonicTime when = time_from_ns(step.at("at_ns"));
-      const End from = is_from_client ? client : server;
-      const End to = is_from_client ? server : client;
+      const End from = is_from_client ? client : kServer;
+      const End to = is_from_client ? kServer : client;
       if (document.at("medium") == "datagram") {
         capture.add_datagram(from, to, bytes_of_hex(hex), when);
       } else {
