@@ -13,7 +13,7 @@
 
 namespace rtpm::display {
 
-/// What a display counts for a device.
+/// The counters that a display keeps of a device.
 struct Sight {
   std::uint64_t sample_count = 0;  ///< Samples shown; the hub has dropped the others.
   std::uint64_t cycle_count = 0;   ///< The device's cycles, from the first to the last one shown.

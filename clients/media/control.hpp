@@ -10,7 +10,7 @@
 
 namespace rtpm::media {
 
-/// What turning the knob does.
+/// The effect of turning the knob.
 enum class Mode : std::uint8_t {
   kSpeed = 0,  ///< The angle is the rate.
   kScrub = 1,  ///< The angle is the position.
@@ -22,7 +22,7 @@ inline constexpr std::uint8_t kModeCount = 3;
 /// The mode that a press of the knob's button selects.
 [[nodiscard]] Mode next(Mode mode) noexcept;
 
-/// What the control asks of the player.
+/// The request that the control makes to the player.
 struct Request {
   double rate = 0;
   double seek_s = -1;  ///< Below 0 for no seek.

@@ -10,7 +10,7 @@
 /// A scene and its touches, as lines in two flat panels. Uses no clock and no output.
 namespace rtpm::scene {
 
-/// What a line shows.
+/// The kind of a line.
 enum class Ink : std::uint8_t {
   kSolid = 0,   ///< The scene.
   kDevice = 1,  ///< The path of the device.
@@ -45,7 +45,7 @@ inline constexpr double kPanelHeightMm = 60;
 /// The drawn length of a force.
 inline constexpr double kMmPerNewton = 3;
 
-/// What to draw.
+/// The content of a drawing.
 struct Story {
   std::span<const driver::Vector3> device_m{};
   std::span<const TouchReport> touches{};

@@ -91,7 +91,7 @@ class LocalWall {
   std::optional<MonotonicTime> failing_since_{};
 };
 
-/// What the thread next to the loop works on.
+/// The data of the thread next to the loop.
 struct Attended {
   LocalWall* wall = nullptr;  ///< May be null.
   std::optional<scene::TouchSupplier> touches{};

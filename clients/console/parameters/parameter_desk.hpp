@@ -50,7 +50,7 @@ class ParameterDesk {
     bool is_asked = false;     ///< A request for changes is in progress. Web server's thread only.
     bool is_outdated = false;  ///< It may have changed since then. Web server's thread only.
   };
-  /// What a worker does with a bound configuration.
+  /// The work of one worker with a bound configuration.
   struct Found {
     std::vector<foxglove::ParameterInfo> parameters{};
     std::string problem{};

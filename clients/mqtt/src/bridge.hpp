@@ -23,7 +23,7 @@ struct BridgeConfig {
   std::string hub{};
   std::string prefix = "rtpm";  ///< The first part of all topics.
   Direction direction = Direction::kBoth;
-  std::vector<WantedOrigin> wanted{};  ///< What is published to the broker; if empty, everything.
+  std::vector<WantedOrigin> wanted{};  ///< The events published to the broker; all if empty.
   std::vector<TopicMapping> mappings{};
   /// The priority of events from the broker, and of the hub's sends to the bridge.
   Priority priority{};

@@ -12,7 +12,7 @@
 
 namespace rtpm::tool {
 
-/// What an operator may decide in advance.
+/// The decisions that an operator may make in advance.
 struct DialogueOptions {
   std::vector<std::string> answers{};  ///< Answers to the prompts; the last one repeats.
   bool keeps = false;                  ///< Keeps the result without asking.
@@ -39,7 +39,7 @@ class CalibrationDialogue {
   [[nodiscard]] int run(const std::string& name);
 
  private:
-  /// What to do next: nullopt to continue, an exit code to end the dialogue.
+  /// The next step: nullopt to continue, an exit code to end the dialogue.
   using Next = std::optional<int>;
 
   [[nodiscard]] Next go_on(const gvd::CalibrationStatus& status);

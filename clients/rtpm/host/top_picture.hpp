@@ -16,7 +16,7 @@
 
 namespace rtpm::tool {
 
-/// What the lanes are sorted by, the highest first.
+/// The key that sorts the lanes, highest first.
 enum class SortKey : std::uint8_t { kCalls, kLongest, kDrops, kServer };
 [[nodiscard]] std::string_view to_string(SortKey key) noexcept;
 

@@ -28,7 +28,7 @@ Json key_json(const std::string& file, const crypto::PublicKey& key, const std::
           {"comment", comment}};
 }
 
-/// What to do next with the key: at servers that the user calls, and on this host.
+/// Says the next steps with the key: at servers that the user calls, and on this host.
 std::string next_steps(const std::string& line) {
   return "\nTo call a server with it: at that server, as the user who runs it,\n  " +
          authorize_command(line) +

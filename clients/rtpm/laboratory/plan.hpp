@@ -15,8 +15,8 @@ using Indices = std::vector<std::size_t>;
 /// Values by name, either of `${NAME}` or of environment variables.
 using Variables = std::map<std::string, std::string>;
 
-/// What happens to a program's output: shown at once, only standard error shown, or shown when the
-/// laboratory has ended; or the program has the terminal.
+/// Shows a program's output at once, only its standard error, or all when the laboratory has ended;
+/// or the program has the terminal.
 enum class Output : std::uint8_t { kLines, kErrors, kEnd, kTerminal };
 
 /// A program of a laboratory, as described by its file. The program serves once it has printed its

@@ -14,7 +14,7 @@ namespace rtpm::names {
 /// @threads  one at a time
 class NameViews {
  public:
-  /// What a service's change means for the combined view.
+  /// The meaning of a service's change for the combined view.
   struct Told {
     std::optional<NameChange> change{};
     std::string duplicate{};  ///< A sentence, if the name now leads to different URLs.

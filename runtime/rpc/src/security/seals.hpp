@@ -14,7 +14,7 @@ namespace rtpm::rpc {
 
 struct LaneSetup;
 
-/// What a secured lane adds to its UDP and TCP sessions: seals, handshakes and checks of the
+/// A secured lane's addition to its UDP and TCP sessions: seals, handshakes and checks of the
 /// grants. Shared memory is not sealed.
 /// @threads  one at a time, with the lane's Lead
 /// @realtime alloc-free except construction

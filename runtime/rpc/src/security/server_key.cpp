@@ -39,7 +39,7 @@ HelloFrame hello_of(std::uint32_t number) {
   return frame;
 }
 
-/// What a frame says about the server's key: nothing, that there is none, or the key.
+/// A frame's statement about the server's key: nothing, that there is none, or the key.
 enum class Answer : std::uint8_t { kNone, kNoKey, kKey };
 
 Answer answer_of(ConstBytes frame, std::uint32_t number, crypto::PublicKey& key) {

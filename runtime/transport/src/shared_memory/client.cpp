@@ -111,7 +111,7 @@ SetupError refused(const SharedMemoryAddress& address, const std::optional<Setup
                      "run both as one user and of one release, or use another transport.");
 }
 
-// What the server granted.
+// The resources that the server granted.
 struct Grant {
   Descriptor socket;
   Descriptor memory;

@@ -126,7 +126,7 @@ std::string begin_methods(const Model& model, const Service& service, const Meth
   return text + function(head, "  ");
 }
 
-/// What success means for a oneway method without confirmation, as a comment.
+/// The comment that says what success means for a oneway method without confirmation.
 Documentation promise(const Method& method) {
   if (method.oneway != OnewayLevel::kSent) return {};
   return {"@return ok: sent, and may still get lost; see ::rtpm::rpc::Binding::send()",

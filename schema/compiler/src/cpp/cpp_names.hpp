@@ -38,7 +38,7 @@ struct Function {
   std::string result{};
   std::string name{};
   std::vector<std::string> parameters{};  ///< At least one parameter.
-  std::string tail{};                     ///< What follows the parentheses: " noexcept;".
+  std::string tail{};                     ///< The text after the parentheses: " noexcept;".
 };
 [[nodiscard]] std::string function(const Function& function, std::string_view indent);
 

@@ -31,7 +31,7 @@ static_assert(sizeof(RecordRingControl) == 192);
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free &&
               std::atomic<std::uint32_t>::is_always_lock_free);
 
-/// What the reader of a ring sleeps on.
+/// The word that the reader of a ring sleeps on.
 /// @source   spec/hprotocol.md#hp-16.3
 enum class RecordSleep : std::uint32_t {
   kAwake = 0,

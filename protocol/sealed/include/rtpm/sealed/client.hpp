@@ -38,7 +38,7 @@ struct SealedClientConfig {
 /// @realtime  alloc-free except construction; work() takes 100 µs, everything else about 1 µs
 class SealedClient {
  public:
-  /// What the owner must do next. Valid until the next call.
+  /// The owner's next step. Valid until the next call.
   struct Step {
     ConstBytes send{};       ///< Send it, unless empty.
     ConstBytes deliver{};    ///< Pass it to ClientChannel::on_frame(), unless empty.

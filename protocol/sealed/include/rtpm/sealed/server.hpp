@@ -71,7 +71,7 @@ struct SealedServerConfig {
 /// @realtime  alloc-free except construction; no public-key operations
 class SealedServer {
  public:
-  /// What to do after a received frame or a finished job.
+  /// The caller's next step after a received frame or a finished job.
   struct Outcome {
     wire::Verdict verdict{};      ///< From ServerSessions; its frame is not sealed yet.
     HandshakeJob* job = nullptr;  ///< Run it elsewhere, then pass it to on_job(); may be null.

@@ -63,7 +63,7 @@ struct Request {
   [[nodiscard]] bool wants_stream() const noexcept { return header.item > 0; }
 };
 
-/// What to do after a received frame.
+/// The caller's next step after a received frame.
 struct Verdict {
   enum class Action : std::uint8_t {
     kNothing,   ///< The frame was dropped and counted, or needs no answer.

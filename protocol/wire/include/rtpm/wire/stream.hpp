@@ -173,7 +173,7 @@ class IncomingStream {
   std::uint32_t freed_bytes_ = 0;  ///< Payload bytes of the released frames.
   std::uint32_t filled_ = 0;       ///< Bytes of the item being reassembled.
   bool is_whole_ = false;          ///< The item being reassembled is complete.
-  View view_ = View::kNone;        ///< What the reader is viewing now.
+  View view_ = View::kNone;        ///< The buffer that the reader views now.
   std::array<Part, kStreamFrameCountMax> parts_{};
 };
 

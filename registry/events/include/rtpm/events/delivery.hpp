@@ -20,7 +20,7 @@ inline constexpr std::size_t kDeadbandCountMax = 8;
 /// Pairs of type and source of a subscription that may have their own interval.
 inline constexpr std::size_t kIntervalSourceMax = 256;
 
-/// What happens when the queue is full.
+/// The action when the queue is full.
 enum class QueuePolicy : std::uint8_t {
   kDropOldest,  ///< Drops the oldest event.
   /// Keeps only the newest event of each type and source; if still full, drops the oldest.

@@ -146,8 +146,8 @@ class Directory {
   [[nodiscard]] expected<std::vector<NameEntry>, DirectoryError> list(
       std::string_view directory = {});
 
-  /// What the last operation left out, as sentences: services that did not answer, names that are
-  /// unreachable from here.
+  /// The omissions of the last operation, as sentences: services that did not answer, names that
+  /// are unreachable from here.
   [[nodiscard]] std::vector<std::string> notes() const;
   [[nodiscard]] const std::string& where() const noexcept;
 

@@ -21,7 +21,7 @@ struct Token {
   std::size_t offset = 0;
 };
 
-/// What a '-' before a digit means.
+/// The meaning of a '-' before a digit.
 enum class Minus : std::uint8_t {
   kSign,    ///< A sign: "-1" is one token.
   kSymbol,  ///< Arithmetic: "-1" is two tokens.

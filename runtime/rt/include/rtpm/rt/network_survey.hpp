@@ -7,7 +7,7 @@
 
 #include "rtpm/rt/finding.hpp"
 
-/// What RTPM's defaults need from a host's network: facts first, then judgements.
+/// The state of a host's network, as far as RTPM's defaults depend on it: facts, then judgements.
 namespace rtpm::rt {
 
 /// A network interface.

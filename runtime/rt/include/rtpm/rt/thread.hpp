@@ -14,7 +14,7 @@
 
 namespace rtpm::rt {
 
-/// What happens if the operating system refuses real-time scheduling or memory locking.
+/// The action if the operating system refuses real-time scheduling or memory locking.
 enum class RealtimeMode : std::uint8_t {
   kPrefer,   ///< Warns once on standard error, with the remedy, and continues time-shared.
   kRequire,  ///< Set-up fails, with the remedy.

@@ -62,7 +62,7 @@ enum class ChangeKind : std::uint8_t {
 /// The name of a change, such as "field-added" for kFieldAdded.
 [[nodiscard]] std::string_view name_of(ChangeKind kind) noexcept;
 
-/// What a change means for readers of data.
+/// The effect of a change on readers of data.
 struct Reading {
   bool new_reads_old = true;  ///< A newer reader understands an older writer's data.
   bool old_reads_new = true;  ///< An older reader understands a newer writer's data.

@@ -61,7 +61,7 @@ class FileWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-/// What happens to an existing file.
+/// The treatment of an existing file.
 enum class Existing : std::uint8_t {
   kRefuse,
   kReplace,  ///< Replaced once the new file is complete.

@@ -14,7 +14,7 @@
 
 namespace rtpm::replay {
 
-/// What a device does after its last sample.
+/// A device's behaviour after its last sample.
 enum class End : std::uint8_t {
   /// The device is lost, as if unplugged: lifecycle fault, kDeviceGone, and the lease ends.
   kGone,
