@@ -32,7 +32,7 @@ struct WaitConfig {
   Duration spin = std::chrono::microseconds{100};
 };
 
-/// "adaptive", "block" or "spin".
+/// "adaptive", "block", "spin" or "periodic".
 [[nodiscard]] std::string_view to_string(WaitStrategy strategy) noexcept;
 
 }  // namespace rtpm::rt
