@@ -15,7 +15,7 @@ struct Unref {
   void operator()(udev_device* device) const { udev_device_unref(device); }
 };
 template <class T>
-using Handle = std::unique_ptr<T, Unref>;
+using UdevPointer = std::unique_ptr<T, Unref>;
 
 std::string text_of(const char* text) {
   return text == nullptr ? std::string() : std::string(text);
@@ -65,16 +65,16 @@ FoundUnit found_unit(udev_device* device) {
 
 std::vector<FoundUnit> list_units() {
   std::vector<FoundUnit> found;
-  const Handle<udev> context(udev_new());
+  const UdevPointer<udev> context(udev_new());
   if (!context) return found;
-  const Handle<udev_enumerate> enumerate(udev_enumerate_new(context.get()));
+  const UdevPointer<udev_enumerate> enumerate(udev_enumerate_new(context.get()));
   if (!enumerate) return found;
   udev_enumerate_add_match_subsystem(enumerate.get(), "input");
   udev_enumerate_add_match_sysname(enumerate.get(), "event*");
   udev_enumerate_scan_devices(enumerate.get());
   udev_list_entry* entry = udev_enumerate_get_list_entry(enumerate.get());
   for (; entry != nullptr; entry = udev_list_entry_get_next(entry)) {
-    const Handle<udev_device> device(
+    const UdevPointer<udev_device> device(
         udev_device_new_from_syspath(context.get(), udev_list_entry_get_name(entry)));
     // Devices have properties only if udev is running, so this does not filter by properties.
     if (device && udev_device_get_devnode(device.get()) != nullptr) {

@@ -7,7 +7,7 @@
 namespace rtpm::device_mpv {
 namespace {
 
-constexpr float kNowhere = -1;
+constexpr float kNoSeek = -1;
 
 }  // namespace
 
@@ -83,7 +83,7 @@ void Session::take(const Message& message) {
   const auto* const reply = std::get_if<Reply>(&message);
   if (reply == nullptr) return;
   // A player that is still loading its file refuses to seek; the next round sends the seek again.
-  if (reply->request_id == seek_id_ && !reply->is_success) sent_seek_s_ = kNowhere;
+  if (reply->request_id == seek_id_ && !reply->is_success) sent_seek_s_ = kNoSeek;
   if (round_id_ == 0) return;
   // Unsigned, so that a foreign number below the round's first is also above every question.
   const auto question =

@@ -16,7 +16,6 @@ constexpr double kLengthMinMetre = 1e-9;
 constexpr double kSpacingMinRad = 1e-6;
 constexpr double kAngleMaxRad = 1e6;
 constexpr double kUnitTolerance = 1e-6;
-constexpr double kTwoPi = 2 * std::numbers::pi;
 
 /// Checks the fields of one model and keeps the first error.
 class Checker {
@@ -65,10 +64,11 @@ class Checker {
     direction("direction", detents.direction);
     number("spacing_m", detents.spacing_m, kLengthMinMetre, kExtentMetre);
     // The stiffness of a detent is 2π · force / spacing.
-    const double force_max = limits_.stiffness_newton_per_m_max * detents.spacing_m / kTwoPi;
+    const double force_max =
+        limits_.stiffness_newton_per_m_max * detents.spacing_m / (2 * std::numbers::pi);
     number("force_newton", detents.force_newton, 0, std::min(force_max, limits_.force_newton_max));
     damping("damping_newton_s_per_m", detents.damping_newton_s_per_m,
-            kTwoPi * detents.force_newton / detents.spacing_m);
+            2 * std::numbers::pi * detents.force_newton / detents.spacing_m);
   }
   void operator()(const DialDetents& detents) noexcept;
 
@@ -137,8 +137,9 @@ void Checker::operator()(const DialDetents& detents) noexcept {
   number("origin_rad", detents.origin_rad, -kAngleMaxRad, kAngleMaxRad);
   number("spacing_rad", detents.spacing_rad, kSpacingMinRad, kAngleMaxRad);
   number("effort_newton_metre", detents.effort_newton_metre, 0,
-         std::min(effort_max, stiffness_max * detents.spacing_rad / kTwoPi));
-  const double detent_stiffness = kTwoPi * detents.effort_newton_metre / detents.spacing_rad;
+         std::min(effort_max, stiffness_max * detents.spacing_rad / (2 * std::numbers::pi)));
+  const double detent_stiffness =
+      2 * std::numbers::pi * detents.effort_newton_metre / detents.spacing_rad;
   number("low_rad", detents.low_rad, -kAngleMaxRad, kAngleMaxRad);
   number("high_rad", detents.high_rad, detents.low_rad, kAngleMaxRad);
   number("end_stiffness_newton_metre_per_rad", detents.end_stiffness_newton_metre_per_rad, 0,

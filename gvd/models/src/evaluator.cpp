@@ -11,8 +11,6 @@ namespace {
 
 using driver::Vector3;
 
-constexpr double kTwoPi = 2 * std::numbers::pi;
-
 /// The position of the end effector relative to a material.
 struct Contact {
   double depth_m = 0;  ///< Positive inside.
@@ -94,8 +92,9 @@ class Summation {
 
   void add(const Detents& detents, std::optional<Vector3>&) noexcept {
     const double way_m = dot(difference(at_m_, detents.origin_m), detents.direction);
-    const double newton = detents.force_newton * std::sin(kTwoPi * way_m / detents.spacing_m) +
-                          detents.damping_newton_s_per_m * dot(velocity_, detents.direction);
+    const double newton =
+        detents.force_newton * std::sin(2 * std::numbers::pi * way_m / detents.spacing_m) +
+        detents.damping_newton_s_per_m * dot(velocity_, detents.direction);
     add_force(scaled(detents.direction, -newton));
   }
 
@@ -104,7 +103,8 @@ class Summation {
     const bool has_ends = detents.low_rad < detents.high_rad;
     const double inside_rad =
         has_ends ? std::clamp(angle_rad, detents.low_rad, detents.high_rad) : angle_rad;
-    const double phase_rad = kTwoPi * (inside_rad - detents.origin_rad) / detents.spacing_rad;
+    const double phase_rad =
+        2 * std::numbers::pi * (inside_rad - detents.origin_rad) / detents.spacing_rad;
     forces_.efforts[detents.joint] +=
         detents.end_stiffness_newton_metre_per_rad * (inside_rad - angle_rad) -
         detents.effort_newton_metre * std::sin(phase_rad) -

@@ -14,11 +14,6 @@ using driver::Fault;
 constexpr Duration kElapsedMax = std::chrono::milliseconds{10};
 constexpr std::optional<WrenchCommand> kNoCommand{};
 
-/// `time` + `span`, saturating at kNever.
-MonotonicTime after(MonotonicTime time, Duration span) noexcept {
-  return time > kNever - span ? kNever : time + span;
-}
-
 }  // namespace
 
 driver::Wrench SafetyFilter::step(MonotonicTime now, const std::optional<WrenchCommand>& offered,
@@ -37,7 +32,7 @@ driver::Wrench SafetyFilter::step(MonotonicTime now, const std::optional<WrenchC
   const std::optional<WrenchCommand>& newest = is_changing_client ? kNoCommand : offered;
   // A command of a client that lost the lease ends now.
   const MonotonicTime ends =
-      newest ? std::min(newest->deadline, after(newest->received, config_.hold_max)) : now;
+      newest ? std::min(newest->deadline, deadline_after(config_.hold_max, newest->received)) : now;
   if (now < ends) {
     watchdog_.follow(config_, ends);
     follow(*newest, std::min(elapsed, kElapsedMax), motion);

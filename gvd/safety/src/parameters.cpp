@@ -5,6 +5,8 @@
 #include <string>
 #include <variant>
 
+#include "vector.hpp"
+
 namespace rtpm::gvd {
 namespace {
 
@@ -60,10 +62,6 @@ constexpr std::array kTimes{
     Time{"soft_start_s", "Time from zero to full force.", &SafetyConfig::soft_start,
          Safer::kHigher},
 };
-
-double seconds(Duration duration) noexcept {
-  return std::chrono::duration<double>(duration).count();
-}
 
 driver::ParameterSpec spec_of(const char* name, const char* unit, double configured,
                               const char* description) {

@@ -5,23 +5,14 @@
 #include "vector.hpp"
 
 namespace rtpm::gvd {
-namespace {
-
-/// `time` + `span`, saturating at kNever.
-MonotonicTime after(MonotonicTime time, Duration span) noexcept {
-  return time > kNever - span ? kNever : time + span;
-}
-
-}  // namespace
-
 void Watchdog::follow(const SafetyConfig& config, MonotonicTime ends) noexcept {
-  zero_at_ = after(ends, config.rest());
+  zero_at_ = deadline_after(config.rest(), ends);
 }
 
 double Watchdog::fall(const SafetyConfig& config, MonotonicTime now, MonotonicTime ends,
                       Duration elapsed, bool has_client, const Motion& motion,
                       driver::Wrench& output) noexcept {
-  zero_at_ = std::min(zero_at_, after(ends, has_client ? config.rest() : config.ramp));
+  zero_at_ = std::min(zero_at_, deadline_after(has_client ? config.rest() : config.ramp, ends));
   if (now >= zero_at_) {
     output = {};
     return 0;

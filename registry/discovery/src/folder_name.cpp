@@ -7,8 +7,8 @@
 namespace rtpm::discovery {
 namespace {
 
-constexpr std::string_view kRegistry = "registry";
-constexpr std::string_view kNames = "names";
+constexpr std::string_view kRegistryKind = "registry";
+constexpr std::string_view kNamesKind = "names";
 
 /// Removes and returns the text up to the next '@'.
 std::string_view take_part(std::string_view& text) {
@@ -26,16 +26,17 @@ std::string FolderName::url() const {
 }
 
 std::string to_text(const FolderName& name, std::uint32_t random) {
-  return std::string(name.is_registry ? kRegistry : kNames) + "@" + wire::host_in_url(name.host) +
-         ":" + std::to_string(name.port) + "@" + std::to_string(name.process_id) + "@" +
-         std::to_string(name.network) + "@" + std::to_string(random);
+  return std::string(name.is_registry ? kRegistryKind : kNamesKind) + "@" +
+         wire::host_in_url(name.host) + ":" + std::to_string(name.port) + "@" +
+         std::to_string(name.process_id) + "@" + std::to_string(name.network) + "@" +
+         std::to_string(random);
 }
 
 std::optional<FolderName> parse_folder_name(std::string_view text) {
   FolderName name;
   const std::string_view kind = take_part(text);
-  name.is_registry = kind == kRegistry;
-  if (!name.is_registry && kind != kNames) return std::nullopt;
+  name.is_registry = kind == kRegistryKind;
+  if (!name.is_registry && kind != kNamesKind) return std::nullopt;
   const auto url = wire::parse_url("rtpm://" + std::string(take_part(text)) + "/x");
   if (!url || url->hosts.size() != 1) return std::nullopt;
   name.host = url->hosts.front();

@@ -18,7 +18,7 @@ std::optional<std::uint64_t> number_of(const Json& json) {
   return whole_number_of<std::uint64_t>(json.get_ref<const std::string&>());
 }
 
-std::optional<std::uint64_t> number_at(const Json& json, const char* key) {
+std::optional<std::uint64_t> whole_number_at(const Json& json, const char* key) {
   const auto found = json.find(key);
   return found == json.end() ? std::nullopt : number_of(*found);
 }
@@ -59,10 +59,10 @@ std::optional<StoredValue> parse_value(std::string_view text) {
   if (!json.is_object() || json.value("version", Json()) != 1) return std::nullopt;
   auto url = text_at(json, "url");
   auto interface = text_at(json, "interface");
-  const auto holder = number_at(json, "holder");
-  const auto lease = number_at(json, "lease_ns");
-  const auto write = number_at(json, "write");
-  const auto where = number_at(json, "where");
+  const auto holder = whole_number_at(json, "holder");
+  const auto lease = whole_number_at(json, "lease_ns");
+  const auto write = whole_number_at(json, "write");
+  const auto where = whole_number_at(json, "where");
   const Json owner = json.value("owner", Json());
   const Json host = json.value("host", Json());
   const bool is_whole = url && interface && holder && lease && write && where && owner.is_array() &&

@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::array<std::string_view, 7> kTwoCharacterSymbols{
     "==", "!=", "<=", ">=", "&&", "||", "<>"};
-constexpr std::string_view kSymbols = "(),/:*&<>=!+-~";
+constexpr std::string_view kPunctuation = "(),/:*&<>=!+-~";
 
 bool is_digit(char byte) noexcept {
   return byte >= '0' && byte <= '9';
@@ -74,7 +74,7 @@ Token Lexer::next() noexcept {
              kTwoCharacterSymbols.end()) {
     token.kind = Token::Kind::kSymbol;
     token.text = rest.substr(0, 2);
-  } else if (kSymbols.find(rest.front()) != std::string_view::npos) {
+  } else if (kPunctuation.find(rest.front()) != std::string_view::npos) {
     token.kind = Token::Kind::kSymbol;
   }
   offset_ += token.text.size();

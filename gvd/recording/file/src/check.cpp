@@ -8,8 +8,6 @@ namespace rtpm::recording {
 namespace {
 
 constexpr std::size_t kProblemCountMax = 100;
-/// The number of records between two reports of progress.
-constexpr std::uint64_t kProgressStep = 1024;
 
 /// Checks one recording.
 class Examination {

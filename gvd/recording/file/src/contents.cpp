@@ -8,8 +8,6 @@ namespace {
 
 /// Longest block outside chunks.
 constexpr std::uint64_t kLooseByteMax = 1 << 20;
-/// The number of records between two reports of progress.
-constexpr std::uint64_t kProgressStep = 1024;
 constexpr std::uint64_t kTailSize = kRecordHeaderSize + kFooterContentSize + kMagicSize;
 
 /// Finds the contents of one file.

@@ -62,9 +62,6 @@ expected<void, SetupError> copy_extras(FileReader& reader, FileWriter& writer) {
   return {};
 }
 
-/// The number of messages between two reports of progress.
-constexpr std::uint64_t kProgressStep = 4096;
-
 }  // namespace
 
 expected<std::uint64_t, SetupError> cut(const std::string& from, const std::string& to,

@@ -21,6 +21,9 @@ struct RecordPlace {
   [[nodiscard]] std::uint64_t end() const noexcept { return content_offset() + content_size; }
 };
 
+/// The number of records or messages between two reports of progress.
+inline constexpr std::uint64_t kProgressStep = 1024;
+
 /// The error of a function that `progress` stopped.
 [[nodiscard]] SetupError stopped(const std::string& what);
 

@@ -9,7 +9,7 @@ namespace rtpm::events {
 namespace {
 
 // Records queued per turn, before the handler runs.
-constexpr int kRecordsPerTurn = 4096;
+constexpr int kRingRecordsPerTurn = 4096;
 
 }  // namespace
 
@@ -52,7 +52,7 @@ bool RingSession::parse() noexcept {
 }
 
 std::optional<RingSession::Outcome> RingSession::fill_queue() {
-  for (int i = 0; i < kRecordsPerTurn; ++i) {
+  for (int i = 0; i < kRingRecordsPerTurn; ++i) {
     const RingRead read = reader_->read();
     if (read == RingRead::kNothing) break;
     if (read == RingRead::kOverrun) continue;

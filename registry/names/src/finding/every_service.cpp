@@ -20,7 +20,7 @@
 namespace rtpm::names {
 namespace {
 
-constexpr std::size_t kThreadCountMax = 128;
+constexpr std::size_t kAskingThreadCountMax = 128;
 
 /// The URL of other users' registry on this host.
 discovery::FoundService usual_registry() {
@@ -87,7 +87,7 @@ class Inquiry {
   std::set<std::string> asked_{};
   std::optional<SetupError> error_{};
   std::vector<std::string> notes_{};
-  rt::ParallelJobs jobs_{"rtpm-ask", kThreadCountMax};
+  rt::ParallelJobs jobs_{"rtpm-ask", kAskingThreadCountMax};
 };
 
 void Inquiry::begin(const discovery::Scope& scope, const std::string& where) {

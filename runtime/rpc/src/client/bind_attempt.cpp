@@ -80,10 +80,6 @@ Candidates candidates_of(const wire::Url& url, MonotonicTime deadline) {
 
 }  // namespace
 
-MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept {
-  return patience > kNever - now ? kNever : now + patience;
-}
-
 bool is_refusal(std::error_code cause) noexcept {
   return cause == CallError::kWrongInterface || cause == CallError::kNoSuchMethod ||
          cause == CallError::kNoSuchObject || cause == CallError::kVersionUnsupported ||

@@ -12,9 +12,6 @@
 
 namespace rtpm::rpc {
 
-/// When `patience` runs out; may be later than the overall deadline.
-[[nodiscard]] MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept;
-
 /// Whether the server was reached but will never serve this binding; only another server could.
 [[nodiscard]] bool is_refusal(std::error_code cause) noexcept;
 

@@ -17,10 +17,10 @@ namespace {
 
 // Answers a request that will not run.
 ConstBytes answer(wire::ServerSessions& sessions, const wire::Request& request,
-                  wire::Status refusal) noexcept {
-  if (!request.wants_receipt()) return sessions.complete(request, refusal, 0, request.received);
-  const ConstBytes frame = sessions.accept(request, refusal, request.received);
-  static_cast<void>(sessions.complete(request, refusal, 0, request.received));
+                  wire::Status status) noexcept {
+  if (!request.wants_receipt()) return sessions.complete(request, status, 0, request.received);
+  const ConstBytes frame = sessions.accept(request, status, request.received);
+  static_cast<void>(sessions.complete(request, status, 0, request.received));
   return frame;
 }
 

@@ -24,6 +24,12 @@ using MonotonicTime = MonotonicClock::time_point;
 /// Later than every other time.
 inline constexpr MonotonicTime kNever = MonotonicTime::max();
 
+/// `time` + `span`, at most kNever.
+/// @param time  not before the clock's origin
+[[nodiscard]] constexpr MonotonicTime deadline_after(Duration span, MonotonicTime time) noexcept {
+  return span > kNever - time ? kNever : time + span;
+}
+
 [[nodiscard]] constexpr std::int64_t to_ns(MonotonicTime time) noexcept {
   return time.time_since_epoch().count();
 }
