@@ -90,8 +90,8 @@ std::optional<std::vector<std::uint32_t>> users_at(const SocketAddress& address)
     users.insert(users.end(), found.begin(), found.end());
   }
   std::ranges::sort(users);
-  const auto rest = std::ranges::unique(users);
-  users.erase(rest.begin(), rest.end());
+  // Avoids std::ranges::unique, because Clang 14 rejects libstdc++'s.
+  users.erase(std::unique(users.begin(), users.end()), users.end());
   return users;
 }
 
