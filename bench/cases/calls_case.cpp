@@ -98,10 +98,10 @@ Outcome<> measure_beside(const Settings& settings, DuelConfig config, int client
   double grown_kib = 0;
   auto measured = run.measure(start_duel(config, [&](const auto& duel) -> Outcome<Contenders> {
     const pid_t server = duel->server(Side::kRtpm).id();
-    const double empty_mib = memory_of(server).resident_mib;
+    const double empty_mib = resident_mib_of(server);
     silent.clear();
     auto bound = bind_silent(*duel, config.carrier, client_count - 1, silent);
-    grown_kib = 1024 * (memory_of(server).resident_mib - empty_mib);
+    grown_kib = 1024 * (resident_mib_of(server) - empty_mib);
     if (!bound) return failure(bound.error());
     return duel->contenders();
   }));

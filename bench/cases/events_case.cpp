@@ -63,9 +63,7 @@ struct EventLine {
   bool is_warm = false;  ///< An event went the whole way.
 };
 
-/// Connects a line by connect_events() or connect_relay().
-template <class ConnectSide>
-Outcome<std::shared_ptr<EventLine>> connect_line(ConnectSide connect_side,
+Outcome<std::shared_ptr<EventLine>> connect_line(decltype(&connect_events) connect_side,
                                                  const EventSetting& setting,
                                                  const std::string& address, int count) {
   auto line = std::make_shared<EventLine>(count);

@@ -25,11 +25,11 @@ Json begin_result(std::string_view name, const DuelConfig& config, int client_co
 Outcome<> measure_memory(const Settings& settings, const DuelConfig& config, Report& report) {
   const auto floor = start_standalone(Side::kFloor, config.carrier, config.wait.strategy, settings);
   if (!floor) return failure(floor.error());
-  const MemoryUse of_floor = memory_of(floor->id());
+  const double floor_mib = resident_mib_of(floor->id());
   floor->pause();
   const auto server = start_standalone(Side::kRtpm, config.carrier, config.wait.strategy, settings);
   if (!server) return failure(server.error());
-  const MemoryUse empty = memory_of(server->id());
+  const double empty_mib = resident_mib_of(server->id());
   std::vector<Client> clients;
   for (const int count : kClientCounts) {
     while (clients.size() < static_cast<std::size_t>(count)) {
@@ -37,14 +37,11 @@ Outcome<> measure_memory(const Settings& settings, const DuelConfig& config, Rep
       if (!client) return failure(client.error());
       clients.push_back(std::move(*client));
     }
-    const MemoryUse use = memory_of(server->id());
+    const double used_mib = resident_mib_of(server->id());
     Json result = begin_result("memory", config, count);
-    result["rss_mib"] = rounded(use.resident_mib);
-    result["pss_mib"] = rounded(use.proportional_mib);
-    result["floor_rss_mib"] = rounded(of_floor.resident_mib);
-    if (count > 0) {
-      result["per_client_kib"] = rounded(1024 * (use.resident_mib - empty.resident_mib) / count);
-    }
+    result["rss_mib"] = rounded(used_mib);
+    result["floor_rss_mib"] = rounded(floor_mib);
+    if (count > 0) result["per_client_kib"] = rounded(1024 * (used_mib - empty_mib) / count);
     report.add(std::move(result));
   }
   return {};

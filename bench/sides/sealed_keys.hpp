@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "outcome.hpp"
 #include "rtpm/rpc/security.hpp"
@@ -9,7 +10,7 @@
 namespace rtpm::bench {
 
 /// The keys of a server and its callers, in a folder that is removed with this object: the server
-/// admits the callers for everything, and they know the server.
+/// admits the callers for everything, and they know the server. A forked process never destroys it.
 /// @threads  any
 class SealedKeys {
  public:
@@ -28,11 +29,10 @@ class SealedKeys {
   }
 
  private:
-  explicit SealedKeys(std::string folder);
+  explicit SealedKeys(std::string folder) : folder_(std::move(folder)) {}
   [[nodiscard]] std::string file(const std::string& name) const { return folder_ + "/" + name; }
 
   std::string folder_;
-  int owner_;  ///< The process that removes the folder, and no child of it.
 };
 
 }  // namespace rtpm::bench

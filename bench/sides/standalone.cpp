@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <ctime>
 #include <fstream>
-#include <sstream>
+#include <string>
 
 #include "rtpm/rt/native_time.hpp"
 #include "sides/floor.hpp"
@@ -54,18 +54,12 @@ Outcome<ServerProcess> start_standalone(Side side, Carrier carrier, rt::WaitStra
        settings.realtime == rt::RealtimeMode::kOff ? "off" : "prefer"});
 }
 
-MemoryUse memory_of(pid_t process) {
+double resident_mib_of(pid_t process) {
   std::ifstream file("/proc/" + std::to_string(process) + "/smaps_rollup");
-  MemoryUse use;
   for (std::string line; std::getline(file, line);) {
-    std::istringstream words(line);
-    std::string name;
-    double kib = 0;
-    words >> name >> kib;
-    if (name == "Rss:") use.resident_mib = kib / 1024;
-    if (name == "Pss:") use.proportional_mib = kib / 1024;
+    if (line.starts_with("Rss:")) return std::stod(line.substr(4)) / 1024;
   }
-  return use;
+  return 0;
 }
 
 Duration cpu_time_of(pid_t process) {

@@ -27,12 +27,8 @@ namespace rtpm::bench {
                                                       rt::WaitStrategy wait,
                                                       const Settings& settings);
 
-/// The memory of a process.
-struct MemoryUse {
-  double resident_mib = 0;      ///< Shared libraries included.
-  double proportional_mib = 0;  ///< Shared pages count divided by their number of users.
-};
-[[nodiscard]] MemoryUse memory_of(pid_t process);
+/// The memory of a process, shared libraries included.
+[[nodiscard]] double resident_mib_of(pid_t process);
 /// The CPU time that all threads of a process have taken so far.
 [[nodiscard]] Duration cpu_time_of(pid_t process);
 
