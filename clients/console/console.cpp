@@ -38,10 +38,6 @@ gvd::StopDeliveryConfig stop_config(const Configuration& configuration) {
   return {.where = configuration.registry, .hub = is_url ? configuration.events : ""};
 }
 
-std::string dumped(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
 }  // namespace
 
 Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
@@ -413,7 +409,7 @@ Json Console::state() const {
 void Console::publish_state() {
   const std::uint32_t channel = channels_.find("console/state");
   if (!channels_.has_subscriber(channel)) return;
-  channels_.publish(channel, rt::utc_ns(rt::now()), dumped(state()));
+  channels_.publish(channel, rt::utc_ns(rt::now()), foxglove::dumped(state()));
 }
 
 void Console::publish_latency() {
@@ -424,7 +420,7 @@ void Console::publish_latency() {
   for (auto& [name, device] : devices_)
     targets.push_back(latency_json(name, device.latency().summary(now)));
   channels_.publish(channel, rt::utc_ns(now),
-                    dumped({{"targets", std::move(targets)}, {"paper", paper_json()}}));
+                    foxglove::dumped({{"targets", std::move(targets)}, {"paper", paper_json()}}));
 }
 
 void Console::publish_graph() {

@@ -20,10 +20,6 @@ std::uint64_t log_time_ns(const HubEvent& event) {
 
 constexpr Duration kIdleTime = std::chrono::minutes{1};
 
-std::string dumped(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
 }  // namespace
 
 void EventChannels::set_devices(const std::set<std::string>& names) {
@@ -160,14 +156,14 @@ void EventChannels::publish_change(const std::string& device, const HubEvent& ev
                   {"origin_ns", log_time_ns(event)},
                   {"sequence", event.header.sequence},
                   {"payload", payload_json(event)}};
-  channels_.publish(channel, log_time_ns(event), dumped(json));
+  channels_.publish(channel, log_time_ns(event), foxglove::dumped(json));
 }
 
 void EventChannels::publish_log(const HubEvent& event) {
   const std::uint32_t channel = channels_.find("console/log");
   if (event.omitted_count > 0) {
     channels_.publish_to(event.connection_id, channel, log_time_ns(event),
-                         dumped({{"omitted", event.omitted_count}}));
+                         foxglove::dumped({{"omitted", event.omitted_count}}));
   }
   Json json{{"time_ns", log_time_ns(event)},
             {"type", capture::type_text(event.header.type, type_of(event.header.type))},
@@ -175,7 +171,7 @@ void EventChannels::publish_log(const HubEvent& event) {
   if (const std::string* const device = device_of(event.header.source)) json["device"] = *device;
   json["sequence"] = event.header.sequence;
   json["payload"] = payload_json(event);
-  channels_.publish_to(event.connection_id, channel, log_time_ns(event), dumped(json));
+  channels_.publish_to(event.connection_id, channel, log_time_ns(event), foxglove::dumped(json));
 }
 
 }  // namespace rtpm::console

@@ -10,11 +10,6 @@ using Json = nlohmann::ordered_json;
 constexpr std::uint8_t kMessageOpcode = 1;
 constexpr std::uint8_t kServiceCallResponseOpcode = 3;
 
-/// Foreign text may be invalid UTF-8.
-std::string dumped(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
 Json json_of(const ChannelInfo& channel) {
   Json json{{"id", channel.id},
             {"topic", channel.topic},
@@ -55,6 +50,10 @@ std::set<std::string> topics_of(const Graph& graph) {
 }
 
 }  // namespace
+
+std::string dumped(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
 
 std::string server_info(const ServerInfo& info) {
   return dumped({{"op", "serverInfo"},

@@ -20,6 +20,9 @@ namespace rtpm::console::foxglove {
 inline constexpr std::array<std::string_view, 2> kSubprotocols{"foxglove.sdk.v1",
                                                                "foxglove.websocket.v1"};
 
+/// Writes `json` in one line; invalid UTF-8, which foreign text may have, is replaced.
+[[nodiscard]] std::string dumped(const nlohmann::ordered_json& json);
+
 enum class StatusLevel : std::uint8_t { kInfo = 0, kWarning = 1, kError = 2 };
 
 struct ServerInfo {

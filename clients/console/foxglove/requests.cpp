@@ -9,8 +9,6 @@
 namespace rtpm::console::foxglove {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr std::size_t kNameSizeMax = 1024;
 constexpr std::uint8_t kClientMessageOpcode = 1;
 constexpr std::uint8_t kServiceCallOpcode = 2;
@@ -19,7 +17,7 @@ unexpected<std::string> fault(const std::string& op, const std::string& what) {
   return {op + ": " + what};
 }
 
-std::optional<std::uint32_t> id_in(const Json& value) {
+std::optional<std::uint32_t> id_in(const nlohmann::json& value) {
   if (!value.is_number_integer()) return std::nullopt;
   if (!value.is_number_unsigned() && value.get<std::int64_t>() < 0) return std::nullopt;
   const auto number = value.get<std::uint64_t>();
@@ -27,13 +25,13 @@ std::optional<std::uint32_t> id_in(const Json& value) {
   return static_cast<std::uint32_t>(number);
 }
 
-std::optional<std::uint32_t> id_of(const Json& object, const char* key) {
+std::optional<std::uint32_t> id_of(const nlohmann::json& object, const char* key) {
   if (!object.is_object()) return std::nullopt;
   const auto found = object.find(key);
   return found == object.end() ? std::nullopt : id_in(*found);
 }
 
-std::optional<std::string> text_of(const Json& object, const char* key) {
+std::optional<std::string> text_of(const nlohmann::json& object, const char* key) {
   if (!object.is_object()) return std::nullopt;
   const auto found = object.find(key);
   if (found == object.end() || !found->is_string()) return std::nullopt;
@@ -43,17 +41,17 @@ std::optional<std::string> text_of(const Json& object, const char* key) {
 }
 
 /// The list `key` of the request; nullptr if there is none or it is too long.
-const Json* list_of(const Json& request, const char* key) {
+const nlohmann::json* list_of(const nlohmann::json& request, const char* key) {
   const auto found = request.find(key);
   if (found == request.end() || !found->is_array() || found->size() > kListSizeMax) return nullptr;
   return &*found;
 }
 
-std::optional<std::vector<std::string>> names_of(const Json& request) {
+std::optional<std::vector<std::string>> names_of(const nlohmann::json& request) {
   std::vector<std::string> names;
-  const Json* const list = list_of(request, "parameterNames");
+  const nlohmann::json* const list = list_of(request, "parameterNames");
   if (list == nullptr) return std::nullopt;
-  for (const Json& name : *list) {
+  for (const nlohmann::json& name : *list) {
     if (!name.is_string()) return std::nullopt;
     const auto& text = name.get_ref<const std::string&>();
     if (text.size() > kNameSizeMax) return std::nullopt;
@@ -62,11 +60,11 @@ std::optional<std::vector<std::string>> names_of(const Json& request) {
   return names;
 }
 
-expected<TextRequest, std::string> read_subscribe(const Json& request) {
-  const Json* const list = list_of(request, "subscriptions");
+expected<TextRequest, std::string> read_subscribe(const nlohmann::json& request) {
+  const nlohmann::json* const list = list_of(request, "subscriptions");
   if (list == nullptr) return fault("subscribe", "needs a list `subscriptions`");
   Subscribe subscribe;
-  for (const Json& one : *list) {
+  for (const nlohmann::json& one : *list) {
     const auto id = id_of(one, "id");
     const auto channel = id_of(one, "channelId");
     if (!id || !channel) return fault("subscribe", "each needs `id` and `channelId`, 0 to 2^32-1");
@@ -75,11 +73,11 @@ expected<TextRequest, std::string> read_subscribe(const Json& request) {
   return subscribe;
 }
 
-expected<TextRequest, std::string> read_unsubscribe(const Json& request) {
-  const Json* const list = list_of(request, "subscriptionIds");
+expected<TextRequest, std::string> read_unsubscribe(const nlohmann::json& request) {
+  const nlohmann::json* const list = list_of(request, "subscriptionIds");
   if (list == nullptr) return fault("unsubscribe", "needs a list `subscriptionIds`");
   Unsubscribe unsubscribe;
-  for (const Json& one : *list) {
+  for (const nlohmann::json& one : *list) {
     const auto id = id_in(one);
     if (!id) return fault("unsubscribe", "an id is a number of 0 to 2^32-1");
     unsubscribe.subscription_ids.push_back(*id);
@@ -87,28 +85,30 @@ expected<TextRequest, std::string> read_unsubscribe(const Json& request) {
   return unsubscribe;
 }
 
-expected<TextRequest, std::string> read_get_parameters(const Json& request) {
+expected<TextRequest, std::string> read_get_parameters(const nlohmann::json& request) {
   auto names = names_of(request);
   if (!names) return fault("getParameters", "needs a list of names `parameterNames`");
   return GetParameters{std::move(*names), text_of(request, "id")};
 }
 
-expected<TextRequest, std::string> read_set_parameters(const Json& request, bool may_command) {
-  const Json* const list = list_of(request, "parameters");
+expected<TextRequest, std::string> read_set_parameters(const nlohmann::json& request,
+                                                       bool may_command) {
+  const nlohmann::json* const list = list_of(request, "parameters");
   if (list == nullptr) return fault("setParameters", "needs a list `parameters`");
   SetParameters set;
   set.id = text_of(request, "id");
-  for (const Json& one : *list) {
+  for (const nlohmann::json& one : *list) {
     auto name = text_of(one, "name");
     if (!name) return fault("setParameters", "each parameter needs a `name`");
-    set.parameters.push_back({std::move(*name), may_command ? one.value("value", Json{}) : Json{},
+    set.parameters.push_back({std::move(*name),
+                              may_command ? one.value("value", nlohmann::json{}) : nlohmann::json{},
                               text_of(one, "type").value_or(std::string{})});
   }
   return set;
 }
 
-expected<TextRequest, std::string> read_watch_parameters(const Json& request, const std::string& op,
-                                                         bool is_watching) {
+expected<TextRequest, std::string> read_watch_parameters(const nlohmann::json& request,
+                                                         const std::string& op, bool is_watching) {
   auto names = names_of(request);
   if (!names) return fault(op, "needs a list of names `parameterNames`");
   return WatchParameters{std::move(*names), is_watching};
@@ -120,7 +120,7 @@ expected<TextRequest, std::string> read_text(std::string_view text, bool may_com
   if (!is_json_nested_within(text, kNestingMax)) {
     return unexpected{"a text frame nests deeper than " + std::to_string(kNestingMax)};
   }
-  const Json request = parse_bounded_json<Json>(text);
+  const nlohmann::json request = parse_bounded_json<nlohmann::json>(text);
   if (!request.is_object()) return unexpected{std::string("a text frame is no JSON object")};
   const auto op = text_of(request, "op");
   if (!op) return unexpected{std::string("a text frame has no `op`")};

@@ -7,8 +7,6 @@ namespace rtpm::console {
 namespace {
 
 constexpr Duration kBindDeadline = std::chrono::milliseconds{500};
-constexpr std::string_view kReadOnly =
-    "read-only: open the URL with the token that rtpm-console printed";
 
 }  // namespace
 

@@ -14,8 +14,6 @@ namespace {
 constexpr std::size_t kBatchSize = 100;
 /// This service never waits for other calls of its client.
 constexpr std::string_view kStopService = "console/estop";
-constexpr std::string_view kReadOnly =
-    "read-only: open the URL with the token that rtpm-console printed";
 
 foxglove::PayloadInfo json_object(const std::string& name) {
   return {"json", name, "jsonschema", R"({"type":"object"})"};
@@ -129,8 +127,7 @@ void CallRouter::succeed(const PendingCall& call, std::string_view payload) {
 }
 
 void CallRouter::succeed(const PendingCall& call, const nlohmann::ordered_json& reply) {
-  succeed(call, std::string_view(
-                    reply.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)));
+  succeed(call, std::string_view(foxglove::dumped(reply)));
 }
 
 void CallRouter::fail(const PendingCall& call, std::string_view why) {

@@ -10,6 +10,10 @@
 
 namespace rtpm::console {
 
+/// The refusal of a command from a client without the token.
+inline constexpr std::string_view kReadOnly =
+    "read-only: open the URL with the token that rtpm-console printed";
+
 /// Why a connection is closed; the numbers are those of RFC 6455.
 enum class CloseCode : std::uint16_t {
   kGoingAway = 1001,
