@@ -28,8 +28,7 @@ Node::Impl::Impl(NodeConfig node_config)
     : config(std::move(node_config)),
       local_channels(config.channel_count_max, config.message_size_max),
       epoch_(rt::random_u64()),
-      clock_domain_(rt::clock_domain()),
-      rebinder_(*this) {
+      clock_domain_(rt::clock_domain()) {
   // On one CPU a spinning caller only keeps the server from running.
   if (rt::usable_cpu_count() == 1 && config.wait.strategy == rt::WaitStrategy::kAdaptive) {
     config.wait.strategy = rt::WaitStrategy::kBlock;

@@ -36,7 +36,7 @@ class Rebinder {
   /// How long a look-up may take, without the bind that follows.
   static constexpr Duration kResolveDeadline = std::chrono::seconds{1};
 
-  explicit Rebinder(Node::Impl& node) noexcept : node_(node) {}
+  Rebinder() = default;
   Rebinder(const Rebinder&) = delete;
   Rebinder& operator=(const Rebinder&) = delete;
   ~Rebinder();
@@ -73,7 +73,6 @@ class Rebinder {
   void look_up(Lock& lock, const std::string& name);
   void bind(Lock& lock, const std::string& name, const expected<std::string, SetupError>& url);
 
-  Node::Impl& node_;
   std::atomic<Resolver*> resolver_{nullptr};
   rt::Semaphore bell_;
   rt::PiMutex mutex_;
