@@ -80,9 +80,10 @@ std::vector<std::size_t> Preference::order(const std::vector<const PropertySourc
   const auto is_defined = [&](std::size_t number) {
     return kind_ == Kind::kWith ? is_true(values[number]) : is_ordered(values[number]);
   };
-  const auto undefined = std::ranges::stable_partition(numbers, is_defined);
+  // Clang 14 rejects libstdc++'s std::ranges::stable_partition.
+  const auto undefined = std::stable_partition(numbers.begin(), numbers.end(), is_defined);
   if (kind_ == Kind::kWith) return numbers;
-  std::stable_sort(numbers.begin(), undefined.begin(), [&](std::size_t a, std::size_t b) {
+  std::stable_sort(numbers.begin(), undefined, [&](std::size_t a, std::size_t b) {
     // Numbers come before texts, if candidates have different types.
     const bool is_text_a = std::holds_alternative<std::string_view>(values[a]);
     const bool is_text_b = std::holds_alternative<std::string_view>(values[b]);

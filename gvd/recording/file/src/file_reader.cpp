@@ -131,7 +131,7 @@ expected<std::unique_ptr<FileReader>, SetupError> FileReader::open(const std::st
   auto contents = read_contents(*file, incomplete, progress);
   if (!contents) return unexpected{contents.error()};
   return std::unique_ptr<FileReader>(
-      new FileReader(std::make_unique<Impl>(std::move(*file), std::move(*contents))));
+      new FileReader(std::make_unique<Impl>(Impl{std::move(*file), std::move(*contents)})));
 }
 
 FileReader::FileReader(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
