@@ -149,7 +149,7 @@ expected<std::vector<std::byte>, SetupError> IsolatedDriver::call(FrameKind kind
 std::string IsolatedDriver::lose(const char* place) {
   const std::string number = std::to_string(process_->number());
   std::string end = "its process " + number + " did not answer and was killed";
-  // Its sockets close slightly before the process has ended.
+  // A process closes its sockets slightly before it ends, so its exit status comes later.
   if (process_->wait_for_end(kStuckPatience)) {
     end = "its process " + number + " ended by " + process_->end_text();
   } else {

@@ -280,7 +280,7 @@ void Follow::note_reached() {
   follower_->on_trouble("The names in " + gateway_.address().text() + " are followed again.");
 }
 
-// Reports once for all endpoints, because a single endpoint's failure does no harm.
+// Reports once after as many failures as endpoints: a single endpoint's failure does no harm.
 void Follow::note_trouble(std::size_t endpoint, const std::string& why) {
   if (is_told_ || failure_count_ < gateway_.address().endpoints.size()) return;
   is_told_ = true;

@@ -472,7 +472,7 @@ expected<Page, Refusal> Store::list(std::string_view directory, std::string_view
     if (name.empty()) continue;
     if (const auto bad = first_bad_component(name)) return refuse(Outcome::kBadName, *bad);
   }
-  // A directory contains the names that begin with it and a '/'; a bound name lists itself.
+  // A directory lists the names that begin with it and a '/'; a bound name lists only itself.
   std::string prefix(directory);
   const bool is_bound = records_.contains(directory);
   if (!directory.empty() && !is_bound) prefix += '/';

@@ -14,7 +14,7 @@
 namespace rtpm::transport {
 namespace {
 
-// The bytes of an address.
+// The IP address in network byte order: 4 bytes of IPv4, 16 of IPv6.
 std::span<const std::uint8_t> bytes_of(const SocketAddress& address) noexcept {
   if (!address.is_ipv4()) return address.ipv6().s6_addr;
   const auto* const ipv4 = reinterpret_cast<const sockaddr_in*>(address.native());
