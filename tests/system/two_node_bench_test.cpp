@@ -88,16 +88,5 @@ TEST(TwoNodeBenchOptions, NamesCasesThatCannotRunBetweenHosts) {
   expect_one_sentence(end, 1, {"two-node", "--transport udp"});
 }
 
-TEST(LargeBench, ComparesSmallCallsWithAndWithoutLargeOnes) {
-  const auto end = run_program("rtpm-bench", {"run", "large", "--samples", "40", "--rounds", "2",
-                                              "--realtime", "off", "--json"});
-  ASSERT_EQ(end.exit_code, 0) << end.errors;
-  EXPECT_EQ(test::line_count(end.output), 6) << "udp, tcp and shm, each without large and with";
-  expect_text(end.output,
-              {R"("large_callers":0)", R"("large_callers":1)", R"("transport":"udp")",
-               R"("transport":"tcp")", R"("transport":"shm")", R"("loaded_over_idle_p99":)",
-               R"("floor_loaded_over_idle_p99":)", R"("low_p50_us":)"});
-}
-
 }  // namespace
 }  // namespace rtpm::system_test

@@ -27,6 +27,19 @@ std::string variable_of(const std::string& key) {
   return variable;
 }
 
+/// The items of lists with commas. CLI11's own delimiter would take the next argument for "--list ,".
+Texts items_of(const Texts& lists) {
+  Texts items;
+  for (const std::string& list : lists) {
+    std::size_t begin = 0;
+    for (std::size_t end = 0; end != list.npos; begin = end + 1) {
+      end = list.find(',', begin);
+      items.push_back(CLI::detail::trim_copy(list.substr(begin, end - begin)));
+    }
+  }
+  return items;
+}
+
 bool are_names(const Texts& names, std::size_t size_max) {
   std::set<std::string> variables;
   return !names.empty() && std::ranges::all_of(names, [&](const std::string& name) {
@@ -116,8 +129,7 @@ struct Options::Impl {
                                : app.add_option(flag, [](const CLI::results_t&) { return true; });
     setting.option->envname(variable_for(place.prefix + key, place.is_shared))
         ->type_name(setting.kind);
-    if (setting.is_list)
-      setting.option->delimiter(',')->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+    if (setting.is_list) setting.option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
     if (place.is_rare) setting.option->group(kFurther);
     setting.path = place.tables;
     setting.path.push_back(key);
@@ -171,8 +183,9 @@ struct Options::Impl {
   void apply() {
     apply_file();
     for (Setting& setting : settings) {
-      const Texts& texts = setting.option->results();
-      if (texts.empty()) continue;
+      const Texts& given = setting.option->results();
+      if (given.empty()) continue;
+      const Texts texts = setting.is_list ? items_of(given) : given;
       const bool is_flag = std::ranges::count(app.parse_order(), setting.option) > 0;
       const std::string source =
           is_flag ? setting.option->get_name() : setting.option->get_envname();
