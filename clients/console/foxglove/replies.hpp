@@ -66,7 +66,7 @@ struct ParameterInfo {
   std::string type{};
 };
 
-/// The publishers, subscribers and service providers, by name.
+/// The ids of publishers, subscribers and service providers, by topic or service.
 struct Graph {
   using Ids = std::map<std::string, std::set<std::string>>;
   Ids published_topics{};

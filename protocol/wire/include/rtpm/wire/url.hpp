@@ -49,7 +49,7 @@ struct Url {
 /// slashes.
 [[nodiscard]] bool is_valid_path(std::string_view path) noexcept;
 
-/// The most similar paths that a server suggests for an unknown one.
+/// The maximum number of similar paths that a server suggests for an unknown path.
 /// @source   spec/hprotocol.md#hp-6.1
 inline constexpr std::size_t kSimilarPathCountMax = 4;
 
