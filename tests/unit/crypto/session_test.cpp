@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <new>
@@ -73,7 +74,8 @@ TEST_P(SessionTest, OpensFramesOfTheOtherSide) {
   for (const std::size_t size : {0U, 1U, 15U, 16U, 17U, 48U, 1320U, 65'448U}) {
     const Bytes payload = random_bytes(pair.random, size);
     Bytes frame = pair.sealed(payload);
-    EXPECT_FALSE(size > 8 && std::ranges::search(frame, payload).begin() != frame.end());
+    EXPECT_FALSE(size > 8 && std::search(frame.begin(), frame.end(), payload.begin(),
+                                         payload.end()) != frame.end());
     const auto opened = pair.server->open(kHeader, frame);
     ASSERT_TRUE(opened);
     EXPECT_TRUE(std::ranges::equal(*opened, payload));
