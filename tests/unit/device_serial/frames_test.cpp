@@ -104,7 +104,6 @@ TEST(SerialFrames, ComeBackAsTheyWereOfEveryLength) {
 /// The host reads frames that the firmware writes, and the reverse.
 TEST(SerialFrames, AreTheSameForHostAndFirmware) {
   std::mt19937_64 random(9);
-  FrameCutter cutter;
   rtpm_board::Reader reader;
   rtpm_board::Writer writer;
   for (std::size_t size = 0; size <= RTPM_PAYLOAD_SIZE_MAX; ++size) {

@@ -19,7 +19,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr RecorderConfig kSmall{.message_byte_max = 1000, .ring_byte_count = 4096};
+const RecorderConfig kSmall{.message_byte_max = 1000, .ring_byte_count = 4096};
 
 class RealtimeRecording : public testing::Test {
  protected:

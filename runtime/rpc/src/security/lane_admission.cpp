@@ -4,7 +4,8 @@
 
 namespace rtpm::rpc {
 
-bool LaneAdmission::admits(const crypto::PublicKey& client, const wire::PeerAddress& peer) noexcept {
+bool LaneAdmission::admits(const crypto::PublicKey& client,
+                           const wire::PeerAddress& peer) noexcept {
   return judge(origin_at(&client, peer));
 }
 

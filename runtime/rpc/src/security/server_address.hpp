@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
-#include "rtpm/rpc/node.hpp"
 #include "rtpm/crypto/primitives.hpp"
+#include "rtpm/rpc/node.hpp"
 #include "rtpm/transport/address.hpp"
 
 namespace rtpm::rpc {

@@ -311,7 +311,7 @@ class ServerSessions {
   std::uint32_t item_size_max_;     ///< The limit for a stream's item.
   LargeMessages large_;
   ServerStreams streams_;
-  bool is_reply_due_ = false;             ///< The kept reply is sent after its stream's repeated items.
+  bool is_reply_due_ = false;  ///< The kept reply is sent after its stream's repeated items.
   std::vector<std::uint32_t> cancelled_;  ///< Tags for next_cancelled().
   std::vector<Session> sessions_;
   struct alignas(64) CacheLine {

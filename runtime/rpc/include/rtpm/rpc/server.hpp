@@ -10,6 +10,7 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/crypto/primitives.hpp"
 #include "rtpm/rpc/counters.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/interface.hpp"
@@ -18,7 +19,6 @@
 #include "rtpm/rpc/tap.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/rt/wait.hpp"
-#include "rtpm/crypto/primitives.hpp"
 
 namespace rtpm::rpc {
 
