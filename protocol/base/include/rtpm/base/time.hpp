@@ -25,9 +25,9 @@ using MonotonicTime = MonotonicClock::time_point;
 inline constexpr MonotonicTime kNever = MonotonicTime::max();
 
 /// `time` + `span`, at most kNever.
-/// @param time  not before the clock's origin
+/// @param span  if negative, `time` is not before the clock's origin
 [[nodiscard]] constexpr MonotonicTime deadline_after(Duration span, MonotonicTime time) noexcept {
-  return span > kNever - time ? kNever : time + span;
+  return span > Duration{0} && time > kNever - span ? kNever : time + span;
 }
 
 [[nodiscard]] constexpr std::int64_t to_ns(MonotonicTime time) noexcept {
