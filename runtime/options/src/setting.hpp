@@ -25,7 +25,7 @@ using Texts = std::vector<std::string>;
 /// An option, without the type of its variable.
 struct Setting {
   CLI::Option* option = nullptr;  ///< Its flag and its environment variable.
-  Texts path{};                   ///< Its key in the file, behind the names of its tables.
+  Texts path{};                   ///< The names of its tables in the file, then its key.
   std::string help{};
   std::string kind{};      ///< The value in --help: "NUMBER"; a switch has none.
   std::string expected{};  ///< Continues "… is not", as in "a number from 1 to 5".
@@ -67,9 +67,7 @@ Setting list(std::vector<T>& value, std::string kind, std::string expected, Pars
                   .is_bare = kIsBare<T>};
   setting.read = [&value, parse](const Texts& texts) {
     std::vector<T> items;
-    for (std::string text : texts == Texts{""} ? Texts{} : texts) {
-      text.erase(0, text.find_first_not_of(' '));
-      text.erase(text.find_last_not_of(' ') + 1);
+    for (const std::string& text : texts == Texts{""} ? Texts{} : texts) {
       std::optional<T> item = parse(text);
       if (!item) return false;
       items.push_back(std::move(*item));
