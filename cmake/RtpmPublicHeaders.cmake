@@ -15,6 +15,7 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/capture/read_events.hpp
   rtpm/configuration/configurable.hpp
   rtpm/configuration/error.hpp
+  rtpm/crypto/primitives.hpp
   rtpm/driver/arguments.hpp
   rtpm/driver/calibration.hpp
   rtpm/driver/command.hpp
@@ -101,7 +102,6 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/safety/motion.hpp
   rtpm/safety/passivity_guard.hpp
   rtpm/safety/watchdog.hpp
-  rtpm/crypto/primitives.hpp
   rtpm/transport/error.hpp
   rtpm/transport/multicast.hpp
   rtpm/transport/socket.hpp
