@@ -2,6 +2,7 @@
 
 #include "cases/case.hpp"
 #include "figures/disturbance.hpp"
+#include "rtpm/base/whole_number.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "sides/floor.hpp"
 #include "sides/standalone.hpp"
@@ -28,10 +29,11 @@ Outcome<> start_once(const Settings& settings, const DuelConfig& config, Side si
   if (!server) return failure(server.error());
   times[1] = rt::now();
   const auto node = is_rtpm ? make_node(carrier, config.wait) : nullptr;
-  auto caller = is_rtpm ? connect_rtpm_caller(*node, server->address(), kHighPriority)
-                        : connect_floor_caller(
-                              carrier, static_cast<std::uint16_t>(std::stoi(server->address())),
-                              {.name = {}, .wait = config.wait});
+  auto caller =
+      is_rtpm ? connect_rtpm_caller(*node, server->address(), kHighPriority)
+              : connect_floor_caller(carrier,
+                                     whole_number_of<std::uint16_t>(server->address()).value_or(0),
+                                     {.name = {}, .wait = config.wait});
   if (!caller) return failure(caller.error());
   times[2] = rt::now();
   if (auto called = (*caller)({}); !called) return called;

@@ -5,7 +5,6 @@
 #include <memory>
 #include <string_view>
 #include <type_traits>
-#include <vector>
 
 #include "event_crowd.hpp"
 #include "joined_protocol.hpp"

@@ -1,5 +1,3 @@
-#include <sched.h>
-#include <signal.h>
 #include <unistd.h>
 
 #include <cstdio>

@@ -62,16 +62,17 @@ struct PeerProcesses {
 Outcome<> PeerProcesses::start(const std::string& program, const std::string& verb,
                                PeerSetting setting) {
   std::array<int, 2> ends{};
-  if (socketpair(AF_UNIX, SOCK_STREAM, 0, ends.data()) != 0) {
+  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0) {
     return failure("no socket for a peer's program");
   }
-  fcntl(ends[0], F_SETFD, FD_CLOEXEC);
   link = ends[0];
   setting.link = ends[1];
   setting.folder = folder;
   Outcome<> started;
   // Events go through a broker, calls to a server.
   for (const std::string& role : {std::string(verb == "call" ? "serve" : "broker"), verb}) {
+    // Only the caller's program inherits its end, so that the stream ends with it.
+    if (role == verb) fcntl(ends[1], F_SETFD, 0);
     auto process = ServerProcess::start_program({program, role, nlohmann::json(setting).dump()});
     if (!process) {
       started = failure(process.error());

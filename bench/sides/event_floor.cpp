@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "rtpm/base/whole_number.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/wire/limits.hpp"
@@ -124,7 +125,7 @@ Outcome<std::unique_ptr<EventSide>> connect_relay(const EventSetting& setting,
                                                   const std::string& relay, EventBoard& board) {
   const std::string host(setting.network == nullptr ? "127.0.0.1" : NetworkPair::kServerAddress);
   std::optional<sockaddr_in> target;
-  if (!relay.empty()) target = address_of(host, static_cast<std::uint16_t>(std::stoi(relay)));
+  if (const auto port = whole_number_of<std::uint16_t>(relay)) target = address_of(host, *port);
   auto side = std::make_unique<RelaySide>();
   if (auto begun = side->begin(setting, target, board); !begun) return failure(begun.error());
   return side;

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <optional>
 
 #include "rtpm/crypto/primitives.hpp"
 #include "rtpm/rt/clock.hpp"

@@ -21,8 +21,7 @@ Outcome<std::string> set_up(Side side, const Settings& settings) {
   if (side == Side::kRtpm) {
     return start_rtpm_server(
         {.lanes = {{.name = "rtpm-high", .priority = kHighPriority, .wait = wait, .cpus = {cpu}}},
-         .realtime = settings.realtime,
-         .security = {.is_insecure = true}});
+         .realtime = settings.realtime});
   }
   const auto ports = start_floor_server(
       settings.carriers.front(),

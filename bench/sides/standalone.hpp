@@ -2,9 +2,6 @@
 
 #include <sys/types.h>
 
-#include <cstdint>
-#include <string>
-
 #include "outcome.hpp"
 #include "rtpm/base/time.hpp"
 #include "settings.hpp"
