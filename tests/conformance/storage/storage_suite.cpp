@@ -123,6 +123,9 @@ TEST_P(EveryStorage, BindsAndFindsAndUnbinds) {
       {"text", std::string("it's")},
       {"axes", names::PropertyList{names::PropertyType::kText, {"x", "y"}}},
       {"none", names::PropertyList{names::PropertyType::kReal, {}}},
+      {"ready", names::PropertyList{names::PropertyType::kBool, {true, false}}},
+      {"limits", names::PropertyList{names::PropertyType::kInteger, {std::int64_t{-1}}}},
+      {"gains", names::PropertyList{names::PropertyType::kReal, {0.5, 2.0}}},
       {"free", true},
       {"least", std::int64_t{-9'223'372'036'854'775'807}}};
   claim.properties = properties;

@@ -98,7 +98,8 @@ TEST_F(RealMpv, IsGoneWhenItHangs) {
   start({.socket = socket_});
   ASSERT_EQ(exchange(0, -1), ExchangeStatus::kOk);
   mpv_->stop();
-  EXPECT_TRUE(exchange_until(1, -1, [](auto status) { return status == ExchangeStatus::kGone; }));
+  ASSERT_TRUE(exchange_until(1, -1, [](auto status) { return status == ExchangeStatus::kGone; }));
+  driver_->deactivate();
 }
 
 /// The simulated knob, which a hand turns to and fro on its own time line, and its requests.

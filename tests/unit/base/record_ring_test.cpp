@@ -220,12 +220,19 @@ TEST_F(RecordRingTest, RefusesToWriteBehindAnImpossibleReader) {
   }
   memory_->control.head = kRingSize;
   EXPECT_EQ(write(record), Outcome::kWritten);
+}
+
+// hp-16.2-2
+TEST_F(RecordRingTest, RefusesToWriteAfterAnImpossibleCountOfTakenRecords) {
+  const Bytes record = record_of(56, 1);
   for (std::uint32_t i = 0; i < kRecordSlotCount; ++i)
-    ASSERT_EQ(write(record_of(56, 1)), Outcome::kWritten);
-  for (const std::uint32_t taken : {3 * kRecordSlotCount, ~std::uint32_t{0}, 1U << 31}) {
+    ASSERT_EQ(write(record), Outcome::kWritten);
+  for (const std::uint32_t taken : {kRecordSlotCount + 1, ~std::uint32_t{0}, 1U << 31}) {
     memory_->control.taken = taken;
-    EXPECT_EQ(write(record_of(56, 1)), Outcome::kBroken) << taken;
+    EXPECT_EQ(write(record), Outcome::kBroken) << taken;
   }
+  memory_->control.taken = kRecordSlotCount;
+  EXPECT_EQ(write(record), Outcome::kWritten);
 }
 
 // hp-16.2-2, hp-16.2-3, hp-16.2-4

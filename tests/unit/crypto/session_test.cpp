@@ -204,6 +204,19 @@ TEST_P(SessionTest, EndsAfterTooManyForgeries) {
   EXPECT_EQ(pair.open(pair.sealed()), OpenError::kEnded);
 }
 
+// sec-5-6
+TEST_P(SessionTest, EndsAtTheLastCounter) {
+  SessionLimits limits = kShort;
+  limits.counter_end = 1500;
+  Pair pair(GetParam(), limits);
+  for (int i = 0; i < 1500; ++i)
+    EXPECT_FALSE(pair.open(pair.sealed()));
+  Bytes frame(kHeader + kTrailerSize);
+  EXPECT_EQ(pair.client->seal(Bytes(kHeader), {}, frame).error(), SealError::kEnded);
+  EXPECT_TRUE(pair.client->has_ended());
+  EXPECT_FALSE(pair.server->has_ended());
+}
+
 // sec-5-7
 TEST_P(SessionTest, AcceptsOnlyTheNextCounterOverAStream) {
   Pair pair(GetParam(), kShort, Order::kExact);

@@ -223,7 +223,8 @@ TEST_P(StoreProperty, BehavesAsTheModel) {
         const auto host = static_cast<std::uint32_t>(1 + below(2));
         Claim claim{name, url, "lab.Arm", owner, lease};
         claim.host = host;
-        claim.allows_takeover = replaces;
+        // bind() ignores it: only rebind() takes a name over.
+        claim.allows_takeover = replaces || below(2) == 0;
         const auto result = replaces ? store.rebind(claim, now) : store.bind(claim, now);
         ASSERT_EQ(
             answer_of(result),

@@ -2,6 +2,7 @@
 
 #include "secured_server.hpp"
 #include "security/access_control.hpp"
+#include "security/gatekeeper.hpp"
 #include "security/handshake_rate.hpp"
 
 // A server that checks its callers' grants, beyond the matrix of permissions.
@@ -9,6 +10,10 @@ namespace rtpm::rpc {
 namespace {
 
 using namespace test;
+
+// A revoked grant ends its sessions within a second: one interval until the gatekeeper reads the
+// grants, and as much for the lanes. Tests on a busy machine wait longer.
+static_assert(2 * Gatekeeper::kLookInterval <= std::chrono::seconds{1});
 
 TEST(SecuredServer, PassesTheCallersIdentityToItsMethods) {
   const KeyFolder folder;

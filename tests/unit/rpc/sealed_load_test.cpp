@@ -232,7 +232,8 @@ TEST_P(HelloStorm, DoesNotKeepCallsFromRunning) {
     int failure_count = 0;
     const MonotonicTime begin = rt::now();
     while (rt::now() < begin + 1s) {
-      if (!client.call(echo::kEcho.id, bytes_of("a")).is_ok()) ++failure_count;
+      if (!client.call(echo::kEcho.id, bytes_of("a"), wire::Delivery::kReply, 5s).is_ok())
+        ++failure_count;
     }
     is_over = true;
     attacker.join();

@@ -145,6 +145,15 @@ class Sink {
   std::uint32_t next_ = 0;
 };
 
+TEST(IncomingStream, RefusesAnItemLargerThanItsBuffer) {
+  Sink sink(4, 16);
+  EXPECT_EQ(sink.take(0, Bytes(17)), Taken::kForeign);
+  EXPECT_EQ(sink.take(0, Bytes(16)), Taken::kNew);
+  EXPECT_EQ(sink.take(1, {}), Taken::kNew) << "an item may be empty";
+  EXPECT_EQ(sink.stream.next()->size(), 16u);
+  EXPECT_EQ(sink.stream.next()->size(), 0u);
+}
+
 // hp-5.10-2: items that were not granted are dropped, so that a sender cannot exhaust memory.
 TEST(IncomingStream, RefusesItemsBeyondItsWindow) {
   for (const std::uint32_t window : {1u, 2u, 3u, 7u, 32u}) {
