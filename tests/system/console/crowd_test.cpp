@@ -52,7 +52,7 @@ class Reader {
   std::thread thread_{};
 };
 
-TEST_F(Crowds, DoNotDisturbAForceLoop) {
+TEST_F(Crowds, FailNoCallOfAForceLoop) {
   std::vector<std::unique_ptr<ConsoleClient>> deaf;
   for (int i = 0; i < kDeafCount; ++i) {
     deaf.push_back(connect());
