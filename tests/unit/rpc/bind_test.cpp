@@ -12,10 +12,10 @@
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/free_port.hpp"
+#include "rtpm/test/serve.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"
-#include "serve.hpp"
 
 // The error texts of failed bindings.
 namespace rtpm::rpc {
@@ -270,7 +270,7 @@ TEST(BindMethodList, MayBeShorterThanTheInterface) {
   for (std::uint16_t id = 1; id <= 400; ++id)
     methods.push_back({id, "method", id, false, {}});
   LargeServant servant(methods);
-  const auto server = serve(servant, "large");
+  const auto server = rtpm::test::serve("large", servant, quiet_config());
   Node node(quiet_node());
   std::vector<MethodDescriptor> older(methods.begin(), methods.end() - 1);
   const auto error_of_bind = [&] {

@@ -15,11 +15,11 @@
 #include "noting_servant.hpp"
 #include "one_port.hpp"
 #include "rtpm/test/echo_server.hpp"
+#include "rtpm/test/serve.hpp"
 #include "rtpm/transport/port_wait_set.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
-#include "serve.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -149,7 +149,7 @@ TEST(Lane, ServesEveryCallerThroughMemoryBesideSilentOnes) {
 TEST(Lane, ServesOthersWhileABatchOfDatagramsTakesLong) {
   constexpr std::uint32_t kBatch = 40;
   NotingServant servant;
-  const auto server = serve(servant);
+  const auto server = rtpm::test::serve("echo", servant, quiet_config());
   RawPeer many(Transport::kUdp, server->port(), Priority{1});
   RawPeer other(Transport::kTcp, server->port(), Priority{2});
   ASSERT_TRUE(many.open() && other.open());

@@ -2,16 +2,13 @@
 
 #include <atomic>
 #include <cstring>
-#include <deque>
 #include <memory>
-#include <mutex>
 #include <thread>
 
 #include "deferring_servant.hpp"
-#include "rtpm/rt/memory.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/os.hpp"
-#include "serve.hpp"
+#include "rtpm/test/serve.hpp"
 
 // Calls to a server in the same program. TransportSuite covers the guarantees of every call.
 namespace rtpm::rpc {
@@ -124,7 +121,7 @@ class LocalDeferredReplies : public testing::TestWithParam<std::uint32_t> {
   void SetUp() override {
     LaneConfig lane = quiet_lane();
     lane.buffered_request_max = GetParam();
-    server_ = serve(servant_, "late", quiet_config({lane}));
+    server_ = rtpm::test::serve("late", servant_, quiet_config({lane}));
     auto bound = Binding::bind(node_, server_->url("late"), echo::kInterface);
     ASSERT_TRUE(bound);
     binding_.emplace(std::move(*bound));

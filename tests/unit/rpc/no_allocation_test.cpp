@@ -18,8 +18,8 @@
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/lock_guard.hpp"
 #include "rtpm/test/sealed_peer.hpp"
+#include "rtpm/test/serve.hpp"
 #include "secured_server.hpp"
-#include "serve.hpp"
 
 // A call allocates nothing on either side: each lane, and here the caller, runs in a
 // NoAllocationScope, and the guard that this binary links aborts on any breach. The guard for locks
@@ -221,7 +221,7 @@ TEST_P(NoAllocation, WithStreamsOfLargeItems) {
   ServerConfig config = server_config();
   // Every call that the lane accepts is a stream that waits for its turn.
   config.deferred_call_count_max = 1;
-  const auto server = serve(servant, "echo", config);
+  const auto server = rtpm::test::serve("echo", servant, config);
   Node node(node_config());
   auto binding = Binding::bind(node, server->url("echo"), echo::kInterface,
                                {.deadline = rtpm::test::kPatience});
@@ -256,7 +256,7 @@ TEST_P(NoAllocation, WithStreamsOfLargeItems) {
 TEST(NoLock, IsBrokenByAServantThatTakesOneWithoutInheritance) {
   if (!rtpm::test::is_lock_guard_active()) GTEST_SKIP() << rtpm::test::kLockGuardInactive;
   LockingServant servant;
-  const auto server = serve(servant, "lock");
+  const auto server = rtpm::test::serve("lock", servant, quiet_config());
   Node node(quiet_node());
   auto binding = Binding::bind(node, server->url("lock"), echo::kInterface);
   ASSERT_TRUE(binding) << binding.error().text();

@@ -13,7 +13,7 @@
 #include "rtpm/rt/priority.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/os.hpp"
-#include "serve.hpp"
+#include "rtpm/test/serve.hpp"
 
 // The legal combinations of lanes, priority models and bands, and the priority at which each
 // receives and runs: the table of ObjectOptions.
@@ -164,8 +164,9 @@ TEST(Policy, NeverInvertsPriorities) {
     for (const bool has_bands : {false, true}) {
       NotingServant servant;
       const auto server =
-          serve(servant, "echo", config_of(has_lanes, false),
-                {PriorityModel::kClientPropagated, 0, has_bands ? kBands : std::vector<Band>{}});
+          rtpm::test::serve("echo", servant, config_of(has_lanes, false),
+                            ObjectOptions{PriorityModel::kClientPropagated, 0,
+                                          has_bands ? kBands : std::vector<Band>{}});
       Node node(quiet_node());
       auto binding = Binding::bind(node, server->url("echo"), echo::kInterface);
       ASSERT_TRUE(binding);
@@ -246,7 +247,7 @@ TEST(NestedCalls, InheritPriorityTraceAndTheRemainingDeadline) {
     NestingServant outer_servant(inner);
     LaneConfig lane = quiet_lane();
     lane.buffered_request_max = buffered;
-    const auto outer_server = serve(outer_servant, "outer", quiet_config({lane}));
+    const auto outer_server = rtpm::test::serve("outer", outer_servant, quiet_config({lane}));
     Node node(quiet_node());
     auto outer = Binding::bind(node, outer_server->url("outer"), echo::kInterface);
     ASSERT_TRUE(outer);

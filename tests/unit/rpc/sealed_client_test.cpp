@@ -12,9 +12,9 @@
 #include "rtpm/access/fingerprint.hpp"
 #include "rtpm/access/known_servers.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "rtpm/test/serve.hpp"
 #include "rtpm/wire/control.hpp"
 #include "secured_server.hpp"
-#include "serve.hpp"
 
 // RTPM's client over sealed sessions, with a real server.
 namespace rtpm::rpc {
@@ -247,7 +247,7 @@ TEST_P(SealedClientTest, RenewsKeysByAge) {
 TEST_P(SealedClientTest, RunsNothingTwiceOverServerRestarts) {
   NumberServant servant;
   ServerConfig config = server_config();
-  auto server = serve(servant, "echo", config);
+  auto server = rtpm::test::serve("echo", servant, config);
   config.port = server->port();
   know_server();
   Node node(node_config());
@@ -268,7 +268,7 @@ TEST_P(SealedClientTest, RunsNothingTwiceOverServerRestarts) {
     ASSERT_TRUE(await([&, seen = good_count + 20] { return good_count > seen; }));
     server->stop();
     server.reset();
-    server = serve(servant, "echo", config);
+    server = rtpm::test::serve("echo", servant, config);
     ASSERT_TRUE(await([&, seen = good_count + 0] { return good_count > seen; }));
   }
   is_over = true;
@@ -351,7 +351,7 @@ TEST(SealedClient, IgnoresForgedHints) {
   config.host = "127.0.0.1";
   config.security = files.of_server();
   NumberServant servant;
-  const auto server = serve(servant, "echo", config);
+  const auto server = rtpm::test::serve("echo", servant, config);
   rtpm::test::FaultyRelay relay(
       server->port(), {.loss = 0, .repetition = 0.2, .delay = 0.05, .forge = &forged_about});
   NodeConfig node_config = quiet_node();

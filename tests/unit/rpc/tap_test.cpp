@@ -15,7 +15,7 @@
 #include "rtpm/test/alloc_guard.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/lock_guard.hpp"
-#include "serve.hpp"
+#include "rtpm/test/serve.hpp"
 
 // The tap of a server. The guards that this binary links abort if a lane allocates, or takes a lock
 // without priority inheritance.
@@ -218,7 +218,7 @@ class LateServant final : public Servant {
 class TapOfDeferredReplies : public testing::TestWithParam<Transport> {
  protected:
   void SetUp() override {
-    server_ = serve(servant_, "late");
+    server_ = rtpm::test::serve("late", servant_, quiet_config());
     auto bound = Binding::bind(node_, server_->url("late"), LateServant::kInterface);
     ASSERT_TRUE(bound) << bound.error().text();
     binding_.emplace(std::move(*bound));

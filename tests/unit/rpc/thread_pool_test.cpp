@@ -13,7 +13,7 @@
 #include "noting_servant.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/os.hpp"
-#include "serve.hpp"
+#include "rtpm/test/serve.hpp"
 
 // Lanes of several threads: concurrent calls, queued calls, and refused calls.
 namespace rtpm::rpc {
@@ -117,7 +117,7 @@ TEST(ThreadPool, QueuesBytesUpToItsLimit) {
 // A single lane for all priorities must not serve them in the order of arrival.
 TEST(ThreadPool, RunsTheMostUrgentFirst) {
   NotingServant servant;
-  const auto server = serve(servant, "echo", quiet_config({lane_of(1, 16)}));
+  const auto server = rtpm::test::serve("echo", servant, quiet_config({lane_of(1, 16)}));
   Node node(quiet_node());
   auto binding = Binding::bind(node, server->url("echo"), echo::kInterface);
   ASSERT_TRUE(binding);
@@ -243,7 +243,7 @@ class Borrowing : public testing::Test {
     }
     config.borrows = true;
     config.inbound_priority = BusyLeader::transform;
-    server_ = serve(servant_, "echo", std::move(config));
+    server_ = rtpm::test::serve("echo", servant_, std::move(config));
     auto bound = Binding::bind(node_, server_->url("echo"), echo::kInterface, options);
     ASSERT_TRUE(bound) << bound.error().text();
     binding_.emplace(std::move(*bound));
@@ -308,6 +308,25 @@ TEST_F(Borrowing, NeverWaitsForTheLowerLanesLeader) {
   EXPECT_TRUE(servant_.order().empty());
   leader.end();
   ASSERT_TRUE(await([&] { return servant_.order().size() == 2; })) << "the low lane's thread came";
+}
+
+TEST(ThreadPool, EndsQueuedCallsAtOnceWhenItStops) {
+  auto server = std::make_unique<EchoServer>(quiet_config({lane_of(1, 4)}));
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, *server);
+  std::atomic<bool> has_run{false};
+  std::thread running([&] { has_run = binding.call(echo::kHold, {}).has_value(); });
+  ASSERT_TRUE(await([&] { return server->servant.gate().inside_count() == 1; }));
+  CallError error{};
+  std::thread waiting([&] { error = error_of_call(binding); });
+  ASSERT_TRUE(await([&] { return server->server->counters().queued_count_max == 1; }));
+  std::thread stopping([&] { server->server->stop(); });
+  waiting.join();
+  EXPECT_EQ(error, CallError::kStopped) << "before the running call has ended";
+  server->servant.gate().open();
+  running.join();
+  EXPECT_TRUE(has_run) << "a running call is finished and answered";
+  stopping.join();
 }
 
 TEST(ThreadPool, EndsACallThatOverrunsTheStop) {

@@ -6,8 +6,8 @@
 
 #include "model/object_table.hpp"
 #include "rtpm/test/echo_server.hpp"
+#include "rtpm/test/serve.hpp"
 #include "rtpm/wire/control.hpp"
-#include "serve.hpp"
 
 // Clients and servers of two versions of an interface.
 namespace rtpm::rpc {
@@ -59,7 +59,7 @@ struct VersionServer {
   explicit VersionServer(const Version& version, std::uint16_t port = 0) : servant(version) {
     ServerConfig config = quiet_config();
     config.port = port;
-    server = serve(servant, "versions", std::move(config));
+    server = rtpm::test::serve("versions", servant, std::move(config));
   }
   ~VersionServer() { server->stop(); }
   VersionServer(const VersionServer&) = delete;
