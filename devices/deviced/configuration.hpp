@@ -51,7 +51,8 @@ struct Configuration {
   options::ServerSettings settings{};     ///< The options of the server.
   /// Folder for the devices' saved parameters; empty if they are not saved.
   std::string settings_folder{};
-  std::string stops_folder{};   ///< Folder for saved emergency stops; empty if they are not saved.
+  /// Folder for saved emergency stops. After read_configuration(), empty if they are not saved.
+  std::string stops_folder{};
   std::string flight_folder{};  ///< Folder for flight records; empty if none are written.
   std::string registry{};
   std::string events{events::kHubPath};  ///< The hub's name or URL.

@@ -47,7 +47,7 @@ class HostedDevice {
   /// Stops the device's server, like gvd::DeviceServer::request_stop() and stop().
   void request_stop() noexcept { server_->request_stop(); }
   [[nodiscard]] bool stop(Duration patience) noexcept { return server_->stop(patience); }
-  /// Whether the driver's set-up has finished and produced a sample.
+  /// Whether the driver has returned from its set-up, successfully or not.
   [[nodiscard]] bool has_sample() const noexcept { return server_->newest().has_value(); }
 
   [[nodiscard]] const gvd::DeviceServer& server() const noexcept { return *server_; }

@@ -6,8 +6,8 @@
 namespace rtpm::gvd {
 namespace {
 
-/// The age of a position when its force acts, in periods: one, plus half a period during which the
-/// force is held.
+/// The average age of a position while its force acts, in periods: it is one period old when the
+/// force acts; the force is then held for one period, half a period on average.
 constexpr double kDelayPeriods = 1.5;
 constexpr double kFullEffortRad = 0.02;
 constexpr double kFullEffortRadPerS = 1;

@@ -209,8 +209,9 @@ class DeviceCycle {
   std::uint32_t bad_cycle_count_ = 0;  ///< The number of consecutive bad cycles.
   MonotonicTime bad_since_{};          ///< The time of the first bad cycle.
   BadCycle lost_by_ = BadCycle::kNone;
-  std::string_view not_finite_field_{};  ///< Set if the last sample was kNotFinite.
-  std::optional<Transition> wanted_{};   ///< Requested; the next maintain() carries it out.
+  /// The field that was not finite in the last kNotFinite sample.
+  std::string_view not_finite_field_{};
+  std::optional<Transition> wanted_{};  ///< Requested; the next maintain() carries it out.
   std::uint64_t reported_idle_count_ = 0;
   std::uint64_t reported_taken_over_count_ = 0;
   bool is_to_close_ = false;

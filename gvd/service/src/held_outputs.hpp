@@ -11,8 +11,9 @@
 
 namespace rtpm::gvd {
 
-/// The outputs that the lease's holder commands, independently of force and motion: a command of
-/// either kind leaves the other unchanged, so two threads can command independently.
+/// The outputs that the lease's holder commands. A command of outputs leaves force and motion
+/// unchanged, and a force or motion setpoint whose outputs are all zero leaves the outputs
+/// unchanged, so two threads can command independently.
 /// @ownership a value, not copied
 /// @threads  put() from any, the rest from the device's
 /// @realtime like Mailbox
@@ -25,7 +26,7 @@ class HeldOutputs {
     MonotonicTime deadline{};
   };
 
-  /// Stores a command of outputs only for the next cycle, like Mailbox::put().
+  /// Stores a command that sets only outputs. The next cycle takes it, like Mailbox::put().
   template <class Allowed>
   [[nodiscard]] MailOutcome put(MailStamp stamp, const Command& command,
                                 Allowed is_allowed) noexcept {

@@ -32,7 +32,7 @@ bool ServerSessions::is_short_of_buffers(const Request& request, MonotonicTime n
   const Slot& slot = session.slots[request.slot_index];
   const bool is_open =
       session.id == request.header.session && slot.call_id == request.header.call_id;
-  // A call without a waiting caller needs none; a large request reuses its own.
+  // A call without a waiting caller needs none; a large request frees its own buffer for the reply.
   if (!is_open || slot.is_unawaited || slot.large != LargeMessages::kNone ||
       !large_.has_buffers()) {
     return false;

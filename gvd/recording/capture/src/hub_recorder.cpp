@@ -113,10 +113,10 @@ struct HubRecorder::Impl final : events::EventHandler {
   HubRecorderConfig config;
   DeviceRecorder device_recorder;
   mutable rt::PiMutex mutex{};
-  events::HubTypes types;        ///< Guarded by `mutex`, like the members below.
-  EventRecorder event_recorder;  ///< Guarded by `mutex`.
-  bool lacks_type = false;       ///< Guarded by `mutex`.
-  bool is_ending = false;        ///< This object is ending the subscription.
+  events::HubTypes types;        ///< Guarded by `mutex`, like the members up to `reports`.
+  EventRecorder event_recorder;  ///< The mutex guards record(), attend() and finish().
+  bool lacks_type = false;
+  bool is_ending = false;  ///< This object is ending the subscription.
   std::vector<std::string> undescribed{};
   std::vector<std::string> reports{};
   std::unique_ptr<events::Consumer> consumer{};

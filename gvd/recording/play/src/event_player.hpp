@@ -21,7 +21,7 @@ namespace rtpm::replay {
 /// Pushes recorded events to a hub in order, with their type, payload and schema, and also their
 /// source, unless the device is renamed. Sequence numbers are new, without the recording's gaps,
 /// and origins are on this host's clock, so filters and consumers work as with a live supplier.
-/// @ownership refers to its arguments
+/// @ownership refers to its node and recording, which must outlive it
 /// @threads  play() on one, the counts on any
 class EventPlayer {
  public:

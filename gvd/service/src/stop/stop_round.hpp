@@ -51,7 +51,8 @@ class StopRound {
   [[nodiscard]] StopReport take_report() { return std::move(report_); }
 
  private:
-  /// Attempts at one server run one at a time: if one fails, so do the others.
+  /// Attempts at one server run one at a time. After the deadline, the remaining ones count as
+  /// failed.
   struct Server {
     std::deque<std::pair<StopTarget, std::string>> left{};
     bool is_served = false;

@@ -16,8 +16,8 @@
 
 namespace rtpm::device_evdev {
 
-/// An input device. Effects play only while exchange() is called: they end at most kHoldMax after
-/// the command's deadline.
+/// An input device. Effects play only while exchange() is called: they end at the command's
+/// deadline, and at the latest kHoldMax after the last exchange().
 /// @threads  from activate() to deactivate() one thread reads events and another writes effects, so
 ///           that a slow write delays no event
 class EvdevDriver : public driver::Driver {

@@ -32,8 +32,8 @@ struct ModelLimits {
   /// The limits of a device whose loop runs every `period`:
   /// - damping max: the mechanics' own b, or 1.5 · device period · its stiffness max if it names
   ///   none;
-  /// - stiffness max: b / (1.5 · period), as a position is one period old when its force acts, and
-  ///   the force lasts half a period longer on average; at most the descriptor's own;
+  /// - stiffness max: b / (1.5 · period), as a position is one period old when its force acts; the
+  ///   force is then held for one period, half a period on average; at most the descriptor's own;
   /// - for a joint, whose damping descriptors do not state, a plausible bound only: its full effort
   ///   over 0.02 rad, for periods above 1 ms over a proportionally larger angle; and at 1 rad/s.
   /// @source   Colgate's condition for sampled walls, b > K · (T / 2 + delay) + B

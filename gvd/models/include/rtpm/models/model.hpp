@@ -74,7 +74,8 @@ struct Spring {
 
 /// An affine force field in a ball: (force + jacobian · (x − origin)) · fade. The fade is 1 up to
 /// radius_m from the origin, falls linearly to 0 over fade_m, and is 0 beyond, so that the field
-/// has no edge. A field may add energy, for instance if it rotates; the safety filter limits this.
+/// has no edge. A field may add energy, for instance if its forces circulate around a point; the
+/// safety filter limits this.
 /// @source   force, jacobian and radius as vrpn_ForceDevice's force field
 struct AffineField {
   driver::Vector3 origin_m{};

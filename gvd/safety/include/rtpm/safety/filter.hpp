@@ -25,7 +25,8 @@ struct WrenchCommand {
 
 /// Counters of the filter.
 struct SafetyCounters {
-  std::uint64_t lost_count = 0;        ///< Commands lost while a force was applied.
+  /// Commands that expired without a newer one while a client could command.
+  std::uint64_t lost_count = 0;
   std::uint64_t not_finite_count = 0;  ///< Faults latched because a command had a NaN or infinity.
   std::uint64_t tripped_count = 0;     ///< Faults latched because the device moved too fast.
   std::uint64_t clamped_count = 0;     ///< Cycles whose command was above a limit.

@@ -100,9 +100,9 @@ class DeviceClient {
 
   /// Sets wrench, pose, velocity, joints or outputs, by Setpoint::mode, until the next command or
   /// the end of `hold`. Then force and efforts fall to zero, motion stops, and outputs take their
-  /// safe values. CommandMode::kOutputs leaves force and motion unchanged, and the force and motion
-  /// modes leave the outputs unchanged, so one thread can command a force and another one a
-  /// vibration.
+  /// safe values. CommandMode::kOutputs leaves force and motion unchanged, and a force or motion
+  /// setpoint whose outputs are all zero leaves the outputs unchanged, so one thread can command a
+  /// force and another one a vibration.
   /// @realtime like rpc::Binding::call()
   /// @errors   kNotHolder · kNotActive · kWrongMode · kSuperseded · kNotFinite · kTooMany ·
   ///           kEmergencyStop · kCallFailed
@@ -128,7 +128,7 @@ class DeviceClient {
   [[nodiscard]] expected<FlightLog, DeviceError> flight_record();
 
   /// Acquires the lease. While another client holds it, retries for `patience`; the default
-  /// outlasts a crashed holder's lease.
+  /// outlasts the lease of a crashed client, but not of a crashed operator (5 s).
   /// @realtime set-up only
   /// @errors   kHeld · kTooSoon · kCallFailed
   [[nodiscard]] DeviceResult acquire(Duration patience = std::chrono::seconds{2});

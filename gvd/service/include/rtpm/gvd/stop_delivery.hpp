@@ -81,8 +81,8 @@ class StopDelivery {
   [[nodiscard]] StopReport stop(std::string_view device = {}, StopScope scope = StopScope::kDevice);
 
   /// Tries to deliver the pending stops to the servers where the devices were last seen and to
-  /// those where their names lead now. Gives up on a server whose address has no listener once
-  /// another server has stopped the device.
+  /// those where their names lead now. Gives up a server that no name service lists and that is
+  /// absent from its address, once a retry has stopped a new server with the same device name.
   /// @return the targets that it tried
   [[nodiscard]] StopReport retry();
   /// The targets with a pending stop.

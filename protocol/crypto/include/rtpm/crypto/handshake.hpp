@@ -8,7 +8,8 @@
 
 namespace rtpm::crypto {
 
-/// Why a handshake message was rejected. No answer is sent.
+/// Why a handshake message was rejected. No answer is sent. A Responder accepts no other message
+/// after kBadKey or kNotSealed.
 enum class HandshakeError : std::uint8_t {
   kBadSize,    ///< The message has a size that this handshake does not have.
   kBadKey,     ///< A public key of small order, whose shared secret would be public.

@@ -81,8 +81,8 @@ enum class Suite : std::uint8_t {
 };
 /// The bits of all suites that this machine supports.
 [[nodiscard]] std::uint8_t suites_here() noexcept;
-// sec-2-2: all sides have ChaCha20-Poly1305. Returns the best suite that both sides support.
-/// The suite for two sides that have these; ChaCha20-Poly1305 if there is nothing better.
+// sec-2-2: all sides have ChaCha20-Poly1305.
+/// Returns AES-256-GCM if both sides have it, otherwise ChaCha20-Poly1305.
 [[nodiscard]] constexpr Suite best_suite(std::uint8_t ours, std::uint8_t theirs) noexcept {
   const bool has_aes = (ours & theirs & static_cast<std::uint8_t>(Suite::kAesGcm)) != 0;
   return has_aes ? Suite::kAesGcm : Suite::kChaChaPoly;

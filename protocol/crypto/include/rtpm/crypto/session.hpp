@@ -73,7 +73,7 @@ class SealedSession {
   void end() noexcept;
 
   [[nodiscard]] bool has_ended() const noexcept { return is_alive_ == 0; }
-  /// Whether an authentic frame was received: only this proves that the other side exists.
+  /// Whether an authentic frame was received: only this proves that the other side takes part now.
   [[nodiscard]] bool is_confirmed() const noexcept { return window_.next() != 0; }
   /// The counter of the next frame to be sealed.
   [[nodiscard]] std::uint64_t send_counter() const noexcept { return send_counter_; }

@@ -86,7 +86,8 @@ class OutgoingMessage {
   /// @return the frame; empty if the window is full or everything is sent
   [[nodiscard]] ConstBytes next(MutableBytes to, std::uint32_t budget_us,
                                 MonotonicTime now) noexcept;
-  /// Writes the first fragment again and requests an ACK, to learn what has arrived of the message.
+  /// Writes the first fragment of a fully acknowledged message again and requests an ACK, to learn
+  /// the state of its call.
   [[nodiscard]] ConstBytes first_again(MutableBytes to, std::uint32_t budget_us,
                                        MonotonicTime now) noexcept;
   /// Processes the receiver's state.

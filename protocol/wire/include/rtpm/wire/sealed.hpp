@@ -29,8 +29,9 @@ using KeyBytes = std::array<std::byte, 32>;
 struct SealedCookie {
   static constexpr std::size_t kSize = 56;
   Cookie cookie{};
-  KeyBytes server_key{};     ///< Not authentic: the client knows the right key from elsewhere.
-  std::uint32_t suites = 0;  ///< The server's suites; unknown bits are ignored.
+  KeyBytes server_key{};  ///< Not authentic: the client knows the right key from elsewhere.
+  /// The server's suites, as bits of crypto::Suite; unknown bits are ignored.
+  std::uint32_t suites = 0;
 };
 
 /// The payload of a HELLO that contains the handshake's first message.

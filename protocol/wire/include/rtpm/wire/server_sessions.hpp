@@ -103,8 +103,8 @@ class ServerSessions {
   [[nodiscard]] ConstBytes next_frame(MonotonicTime now) noexcept;
 
   /// Where to write the reply to `request`, even if its session has ended: aligned to 16 bytes, of
-  /// size reply_size_max(), or a frame's payload while is_short_of_buffers(). Valid until the next
-  /// on_frame() or complete().
+  /// size reply_size_max(); while is_short_of_buffers(), of at most a frame's payload. Valid until
+  /// the next on_frame() or complete().
   [[nodiscard]] MutableBytes reply_buffer(const Request& request, MonotonicTime now) noexcept;
   /// The largest reply that the session allows.
   [[nodiscard]] std::uint32_t reply_size_max(const Request& request) const noexcept;

@@ -12,7 +12,8 @@
 
 /// Streams: one call is answered by many items, in order, without loss, at the reader's pace. An
 /// item larger than a frame is sent in fragments. Frames are numbered; credit counts items and
-/// bytes. Only the client has timers. All functions are alloc-free.
+/// bytes. Only the client repeats and queries by time; the server only ends a stream's lease. All
+/// functions are alloc-free.
 /// @source   spec/hprotocol.md#hp-5.10
 namespace rtpm::wire {
 

@@ -96,7 +96,7 @@ class Playback {
   void begin_turn();
   void go_to(Duration at);
   /// The position from which a steady pace continues. Late messages count as not yet played, even
-  /// if the pace has passed them.
+  /// if the pace has passed them. When looping, late messages are skipped.
   [[nodiscard]] Pace::Position place(MonotonicTime now) const noexcept;
 
   Script& script_;
