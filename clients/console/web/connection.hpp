@@ -33,7 +33,7 @@ class Connection {
 
   /// Counts from 1; never repeats.
   [[nodiscard]] virtual std::uint64_t id() const noexcept = 0;
-  /// Whether the client presented the token.
+  /// Whether the client may command: it presented the token, and the server is not read-only.
   [[nodiscard]] virtual bool may_command() const noexcept = 0;
   /// Whether the client presented a wrong token.
   [[nodiscard]] virtual bool has_wrong_token() const noexcept = 0;

@@ -283,7 +283,8 @@ class PlanReader {
       refuse(*table.get(key), "'" + key + "' must be a time from \"1ms\" to \"24h\"");
   }
 
-  /// The index of the chosen word; 0 if the key is missing.
+  /// The index of the chosen word; 0 if the key is missing, or if the word is unknown, which is
+  /// reported.
   std::size_t choice(const toml::table& table, const std::string& key, const Words& words) {
     const std::string word = table[key].value_or(words.front());
     const auto found = std::ranges::find(words, word);

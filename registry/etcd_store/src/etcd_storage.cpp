@@ -299,8 +299,8 @@ class EtcdStorage final : public names::Storage {
     return revision;
   }
 
-  // The revision of the change if it was made, even by an earlier request for the same change;
-  // otherwise the change that was found instead.
+  // The revision of the change if it was made, for a put even by an earlier request for the same
+  // change; otherwise the change that was found instead.
   [[nodiscard]] expected<std::uint64_t, Conflict> revision_of(const Json& answer,
                                                               const std::string& name,
                                                               std::uint64_t write) const {

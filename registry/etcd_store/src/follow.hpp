@@ -38,7 +38,8 @@ class Follow {
   void stop() noexcept;
   /// The registry that follows; null before start().
   [[nodiscard]] names::Storage::Follower* follower() const noexcept { return follower_; }
-  /// Waits until the change of `revision` is reported; false if `deadline` passes first.
+  /// Waits until the change of `revision` is reported; false if `deadline` passes or stop() is
+  /// called first.
   [[nodiscard]] bool wait_for(std::uint64_t revision, MonotonicTime deadline);
   /// Whether the change of `revision` was reported.
   [[nodiscard]] bool has_reported(std::uint64_t revision);

@@ -29,9 +29,9 @@ struct Setting {
   std::string help{};
   std::string kind{};      ///< The value in --help: "NUMBER"; a switch has none.
   std::string expected{};  ///< Continues "… is not", as in "a number from 1 to 5".
-  bool is_list = false;
-  bool is_bare = false;  ///< Without quotes in a file.
-  bool is_secret = false;
+  bool is_list = false;    ///< Its flag may be repeated.
+  bool is_bare = false;    ///< Without quotes in a file.
+  bool is_secret = false;  ///< Refused on the command line, and never printed.
   /// Sets the variable from texts, one if it is no list; false, and no change, if they are invalid.
   std::function<bool(const Texts&)> read{};
   /// The variable as texts that `read` takes.

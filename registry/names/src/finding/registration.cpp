@@ -306,7 +306,8 @@ class Registration::Impl {
     return kept;
   }
 
-  /// Warns that the registry runs and another server has the name: then the name leads to both.
+  /// Warns that the registry refuses the name. If another server has the name there, it leads to
+  /// both.
   void warn_of_refusal(const DirectoryError& error) {
     report_once("the registry does not take the name '" + offer_.name +
                 "' from this server: " + error.reason());

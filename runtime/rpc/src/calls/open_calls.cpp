@@ -99,7 +99,7 @@ void OpenCalls::serve(Lead& lead, PendingCall& call) noexcept {
   const auto peer = sessions.peer_of(call.request);
   const MutableBytes room =
       reserved.empty() ? sessions.reply_buffer(call.request, now) : MutableBytes{};
-  // It waited for a buffer until its deadline.
+  // Its caller no longer waited before there was a buffer.
   const bool is_given_up = reserved.empty() && call.size > room.size();
   if (is_given_up) {
     call.size = 0;
@@ -112,8 +112,8 @@ void OpenCalls::serve(Lead& lead, PendingCall& call) noexcept {
   if (peer && !is_given_up) send(lead, sessions, *peer, frame);
 }
 
-// Copies a large reply while other threads hold the lock. Returns nothing if the reply is small or
-// the lane has one thread. The call may be cancelled meanwhile.
+// Copies a large reply without the lock, which other threads may take meanwhile. Returns nothing if
+// the reply is small or the lane has one thread. The call may be cancelled meanwhile.
 MutableBytes OpenCalls::copy_unlocked(PendingCall& call, MonotonicTime now) noexcept {
   if (lock_ == nullptr) return {};
   const MutableBytes buffer = call.sessions->reserve_reply(call.request, call.size, now);

@@ -109,7 +109,7 @@ class PendingPool {
   PendingPool(std::uint32_t count, std::uint32_t deferred_count_max, std::uint32_t message_size_max,
               std::uint32_t stream_byte_max, bool keeps_requests, std::shared_ptr<Doorbell> bell);
 
-  /// False if the system gave too little memory: then there are no slots, or slots without items.
+  /// False if the system gave too little memory; then there are no slots.
   [[nodiscard]] bool has_memory() const noexcept { return has_memory_; }
 
   /// Returns a free slot, or null.

@@ -32,7 +32,8 @@ std::string similar_paths_of(const BindOutcome& outcome) {
 // A server on this host answers within microseconds, unless it is stopped.
 constexpr Duration kMemoryPatience = std::chrono::milliseconds{100};
 
-// The part of a bind's time for trying TCP when a server does not answer over UDP.
+// The part of a bind's time for finding out whether a server that does not answer over UDP answers
+// over TCP.
 constexpr Duration kTcpPatience = std::chrono::milliseconds{250};
 
 // The addresses that a URL may lead to.
@@ -215,8 +216,8 @@ expected<BindAttempt::Opened, SetupError> BindAttempt::open_at(const ServerCandi
   return unexpected{std::move(*first_error)};
 }
 
-// If the first bind gets no answer over UDP, part of its time goes to TCP: firewalls often block
-// UDP only.
+// If the first bind gets no answer over UDP, it uses part of its time to find out whether the
+// server answers over TCP. This only improves the error: firewalls often block UDP alone.
 expected<BindAttempt::Opened, SetupError> BindAttempt::open_over(const ServerAddress& address,
                                                                  MonotonicTime deadline) {
   const auto numeric = transport::SocketAddress::parse(address.host, address.port);

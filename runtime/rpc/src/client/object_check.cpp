@@ -40,8 +40,8 @@ std::string words_of(const MethodDescriptor& method) {
          ") is missing or differs there";
 }
 
-// Why the server's different `method` prevents calls; empty if both texts agree. If another server
-// than the bound one answers, returns empty: a call will check it.
+// Why the server's different `method` prevents calls; empty if the two texts are compatible. Names
+// the method if the server sent no description.
 std::string obstacle(const InterfaceDescriptor& ours, const MethodDescriptor& method,
                      const CallOutcome& described) {
   const bool is_there =

@@ -119,7 +119,8 @@ void PooledExecution::sleep(Lead& lead, MonotonicTime until) noexcept {
   pool_.lock();
 }
 
-// Requests a thread from other lanes, as all of this lane's are busy.
+// Requests a dynamic thread, and borrows threads of lower lanes, as all of this lane's threads are
+// busy.
 void PooledExecution::find_help(Lead&) noexcept {
   if (pool_.ask_for_thread(rt::now())) acceptor_.ring();
   while (pool_.has_stuck_call() && borrow() == BorrowedThread::kGiven) {

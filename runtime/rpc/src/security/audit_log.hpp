@@ -32,7 +32,8 @@ struct AuditNote {
     kSessionEnded,
     kSessionRefused,  ///< No grant applies to the identity, or its priority is too high.
     kBound,
-    /// A call or bind that the caller's `role`, or the priority ceiling, does not allow.
+    /// A call or bind that requires `role`, which the caller lacks, or a priority above the
+    /// caller's ceiling.
     kRefused,
     kCalled,    ///< A method that requires the role configure or administer.
     kReloaded,  ///< Changed grants are in force.

@@ -33,7 +33,8 @@ class NodeKeys {
   /// The keys that this server may have, by the host in its URL or by its address. If there are
   /// any, the node's own key is loaded, too. Empty if the server is not known.
   /// @errors   known_servers can't be trusted: then no other host may be called over a network ·
-  ///           the server is known, but the node's own key is missing or can't be trusted
+  ///           the server is known, but the node's own key is missing or can't be trusted · the key
+  ///           log can't be opened
   [[nodiscard]] expected<std::vector<access::KnownServer>, SetupError> keys_of(
       const std::string& host, const transport::SocketAddress& server);
   /// The local users whose servers may share memory with this node, from known_servers.

@@ -151,8 +151,8 @@ expected<void, IoError> SealedTransport::send_batch(
   return sent;
 }
 
-// sec-6-5: renews the keys before the old ones expire. Over datagrams the handshake runs alongside
-// calls and shares their frames.
+// sec-6-5: renews the keys before the old ones expire. Over datagrams the handshake runs beside the
+// calls; their receives take its answers.
 void SealedTransport::look_at_keys(MonotonicTime now) noexcept {
   if (former_ && now >= former_until_) {
     const rt::AllowAllocationScope is_allowed;

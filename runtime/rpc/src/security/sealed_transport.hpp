@@ -68,7 +68,7 @@ class SealedTransport final : public transport::ClientTransport {
   [[nodiscard]] SetupError explain() const;
 
  private:
-  /// Frames beyond this count as lost.
+  /// One frame for each call that may share a channel; further frames count as lost.
   static constexpr std::size_t kKeptMax = wire::kCallWindow;
   static constexpr std::size_t kKeptSizeMax = wire::kHeaderSize + wire::Welcome::kSize;
 
@@ -104,7 +104,8 @@ class SealedTransport final : public transport::ClientTransport {
   MonotonicTime next_wait_{};     ///< When a call next waits for renewal.
   MonotonicTime due_since_ = kNever;
   transport::DatagramBatch batch_;
-  /// Frames for the channel that were received while it was sending.
+  /// Frames that the sealed client made for the channel, such as a REFUSE when the channel sends in
+  /// a session that is gone.
   std::array<std::array<std::byte, kKeptSizeMax>, kKeptMax> kept_{};
   std::array<std::size_t, kKeptMax> kept_sizes_{};
   std::size_t kept_first_ = 0;

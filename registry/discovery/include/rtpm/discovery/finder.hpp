@@ -33,9 +33,10 @@ struct FoundServices {
   std::vector<std::string> notes{};
 };
 
-/// Finds the current name services of the scope. On the LAN it sends queries and waits for
-/// kLanPatience, or up to 1 s for host names, but not beyond `deadline`. Reports the interfaces
-/// that it uses on standard error, once per program.
+/// Finds the current name services of the scope. For listed hosts it first resolves their names,
+/// for at most 1 s. Then it sends queries and waits for kLanPatience, or until all listed hosts
+/// have answered, but never beyond `deadline`. Reports the interfaces that it uses on standard
+/// error, once per program.
 /// @threads  any, concurrently
 /// @realtime set-up only; blocks
 /// @errors   this host's folder is not safe to use; no such interface

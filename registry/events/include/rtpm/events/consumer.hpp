@@ -81,7 +81,7 @@ struct ConsumerConfig {
   /// it uses its own socket.
   bool multicast = false;
   std::string multicast_interface{};
-  /// How many consecutive heartbeats, one per half second, may be lost before the hub drops the
+  /// After this many consecutive lost heartbeats, one per half second, the hub drops the
   /// subscription and the consumer considers the hub gone: rpc::kMissCountMin…kMissCountMax. A
   /// handler that runs for longer has the same effect.
   std::uint32_t miss_count_max = rpc::kMissCountMax;

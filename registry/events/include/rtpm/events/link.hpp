@@ -26,9 +26,9 @@ inline constexpr std::size_t kLinkCountMax = 16;  ///< Links per hub.
 
 /// How a hub is linked to another.
 struct LinkConfig {
-  /// Names the link's thread, "ev-<name>", and its entry in the other hub's report.
+  /// Names the thread of the link's consumer, "ev-<name>", and its entry in the other hub's report.
   std::string name = "link";
-  /// The priority of its thread and of the other hub's sends. Events keep their supplier's
+  /// The priority of that thread and of the other hub's sends. Events keep their supplier's
   /// priority.
   Priority priority{};
   std::vector<int> cpus{};

@@ -15,7 +15,9 @@ namespace rtpm::names {
 
 /// The answer of one name service.
 struct ServiceAnswer {
-  std::string url{};                 ///< URL of the service.
+  /// URL of the service; empty for a sentence about services that were left out, which is in
+  /// `error`.
+  std::string url{};
   std::vector<NameEntry> names{};    ///< Bound names; after an error, those received before it.
   std::vector<LapsedName> lapsed{};  ///< Names whose servers are lost, if the service keeps them.
   /// Why it did not answer, or not completely.
@@ -26,10 +28,12 @@ struct ServiceAnswer {
 /// callers that must act on every binding of a name, such as an emergency stop. Unlike in a
 /// Directory, a name that is bound twice is not an error, a service that hangs delays no other
 /// service, and the registry at this host's default address is asked even if the user has their own
-/// registry.
+/// registry, unless RTPM_RUNTIME_FOLDER is set.
 /// @param where     as for Directory
-/// @param deadline  when it returns; later answers are lost
-/// @param take      called for each service, concurrently from several threads
+/// @param deadline  the time by which it returns, earlier if all have answered; later answers are
+///                  lost
+/// @param take      called for each service, concurrently from several threads, then for each
+///                  sentence about services that were left out
 /// @threads  any
 /// @realtime set-up only; blocks
 /// @errors   of the scope: its text is malformed, no such interface, this host's folder is unsafe;

@@ -27,9 +27,10 @@ enum class Takeover : std::uint8_t {
 /// granted lease, and binds again if the registry restarted or was unreachable for longer than the
 /// lease.
 ///
-/// Without a registry's URL it looks for this host's registry at each renewal. Until one runs, the
-/// program serves its names itself; on the LAN it always does. When a registry appears, the name
-/// moves there within a third of its lease, and the program serves it for one more second.
+/// Without a registry's URL it looks for this host's registry at each renewal. While none runs, or
+/// the one that runs is not trusted or is full, the program serves its names itself; on the LAN it
+/// always does. When a registry appears, the name moves there within a third of its lease, and the
+/// program serves it for one more second.
 ///
 /// After a crash, a server at its old address regains its name at once (see owner_of()). At another
 /// address, create() waits for the old lease to end, by default 2 s.
@@ -49,8 +50,8 @@ class Registration {
   /// to 1 h; an empty `report` writes to standard error. If a registry is full or cannot change its
   /// storage, that is not an error: it is reported and retried.
   /// @realtime set-up only; blocks
-  /// @errors   no registry answers; a live server holds the name (the text tells where); a
-  ///           malformed name, URL or interface
+  /// @errors   with a registry's URL, it does not answer; a live server holds the name (the text
+  ///           tells where); a malformed name, URL or interface
   [[nodiscard]] static expected<std::unique_ptr<Registration>, SetupError> create(
       rpc::Node& node, std::string where, std::string name, std::string url, std::string interface,
       Duration lease = kDefaultLease, Report report = {}, Takeover takeover = Takeover::kRefused,

@@ -10,8 +10,10 @@ namespace rtpm::predicate {
 struct Token {
   enum class Kind : unsigned char {
     kEnd,
-    kWord,     ///< A name or a keyword; may have dots.
-    kNumber,   ///< Digits and any characters that follow without a space: "12", "0x1f", "5ms".
+    kWord,  ///< A name or a keyword; may have dots.
+    /// A digit, then letters, digits, '_', '.' and the sign of an exponent: "12", "0x1f", "2.5e-3",
+    /// "5ms"; with Minus::kSign also a '-' before it.
+    kNumber,
     kText,     ///< A text in single or double quotes, which are included.
     kSymbol,   ///< A comparison, or one of ( ) , / : * & + - ~.
     kUnknown,  ///< Any other character.

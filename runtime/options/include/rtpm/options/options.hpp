@@ -38,7 +38,8 @@ struct Range<Duration> {
 ///
 /// Programs share one environment, so a variable has one meaning: `--some-key` of `rtpm-servo` is
 /// RTPM_SERVO_SOME_KEY. Options that this library adds to several programs are the same in all,
-/// RTPM_SOME_KEY. An empty variable counts as none; one of another program is no error.
+/// RTPM_SOME_KEY. An empty variable counts as none; one of another program is no error:
+/// --dump-config lists it in a comment.
 ///
 /// Every program also has --help, --help-all, --version, --config and --dump-config, which prints
 /// the configuration in force in the format of --config.
@@ -63,8 +64,8 @@ class Options {
   [[nodiscard]] Options of_member(const std::string& table, const std::string& name) const;
 
   /// Adds an option: a text, a bool, a number, a Duration, a Priority, a list of texts, a list of
-  /// CPU numbers, a rt::Schedule, or an optional Duration, "off" if it has none. A bool's flag may
-  /// omit its value: `--verbose`, or `--verbose=false`.
+  /// CPU numbers, each 0 to 1023, a rt::Schedule, or an optional Duration, "off" if it has none. A
+  /// bool's flag may omit its value: `--verbose`, or `--verbose=false`.
   /// @param key   lower-case letters, digits and `-`; not yet in use
   /// @param help  its effect, with its unit if its name has none
   /// @param range  of a number or a Duration

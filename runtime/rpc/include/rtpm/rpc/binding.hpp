@@ -30,7 +30,8 @@ struct CallOptions {
   /// The call's priority. By default the calling thread's current_priority(), or the object's.
   std::optional<Priority> priority{};
   /// How long the caller waits, relative to the call. By default the method's deadline, or the
-  /// node's. A nested call never waits longer than the caller of the enclosing method.
+  /// node's; a nested call without a deadline of its own waits no longer than the caller of the
+  /// enclosing method. An explicit deadline is not shortened.
   std::optional<Duration> deadline{};
   /// Passed on to the servant to trace one action across programs. In a nested call, 0 means the
   /// enclosing call's trace id.
@@ -161,8 +162,8 @@ class Binding {
   /// - kTcp: ok means that the kernel has it, and sends in order. A loss is reported once the
   ///   kernel knows that the connection ended: 3 s after a host vanished.
   /// - kUdp: ok means that it left this host, unless the kernel dropped it. A loss of the session
-  ///   is reported when the server's host, or the restarted server, answers that the session is
-  ///   unknown. A loss of single datagrams is never reported.
+  ///   is reported when the server's host answers that the port is closed, or the restarted server
+  ///   that the session is unknown. A loss of single datagrams is never reported.
   /// - kLocal: ok means that it waits in the server's lane. Oneways still waiting when the server
   ///   stops are lost.
   ///
@@ -209,8 +210,8 @@ class Binding {
                                                             const StreamOptions& options = {});
 
   /// Makes an empty call to the server itself. Shows that the path works in both directions at the
-  /// call's priority, and estimates the server's clock offset from this and earlier pings on the
-  /// channel. Without an estimate, the uncertainty is Duration::max().
+  /// call's priority, and estimates the server's clock offset from this call and earlier calls on
+  /// the channel. Without an estimate, the uncertainty is Duration::max().
   /// @realtime like call()
   /// @errors   those of call()
   /// @source   spec/hprotocol.md#hp-6.2

@@ -8,7 +8,9 @@ namespace rtpm::rpc {
 
 /// A server's counts, summed over its lanes.
 struct ServerCounters {
-  std::uint64_t call_count = 0;             ///< Servant methods run.
+  /// Servant methods run. A lane that queues calls counts them when they are queued, so also those
+  /// whose callers no longer wait when a thread is free.
+  std::uint64_t call_count = 0;
   std::uint64_t servant_failure_count = 0;  ///< Methods that threw an exception.
   std::uint64_t bad_request_count = 0;      ///< Calls refused because they violate the schema.
   std::uint64_t connection_count = 0;       ///< Accepted over TCP or shared memory.

@@ -78,7 +78,7 @@ enum class CallError : std::uint8_t {
 /// @realtime set-up only
 [[nodiscard]] std::string describe(CallError error);
 
-/// The error as a std::error_code, such as SetupError::cause.
+/// The error as a std::error_code. A SetupError::cause can be compared with a CallError.
 [[nodiscard]] std::error_code make_error_code(CallError error) noexcept;
 
 /// A servant's answer in place of a result.

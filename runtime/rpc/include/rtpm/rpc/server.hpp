@@ -36,8 +36,9 @@ namespace rtpm::rpc {
 ///     one       propagated  any     if a band has the call's priority      lane       the call's
 ///
 /// Server::add() refuses an illegal combination; a call outside all bands fails with kWrongBand.
-/// Bands require a lane with buffered requests (LaneConfig::buffered_request_max), as other lanes
-/// serve calls in order of arrival.
+/// If the server has one lane, bands require that it has buffered requests
+/// (LaneConfig::buffered_request_max) or several threads, or that the server borrows; another
+/// single lane serves calls in order of arrival.
 /// @source   RT-CORBA's policies; here a priority must only lie within a lane's band, not equal its
 ///           priority
 struct ObjectOptions {
@@ -177,9 +178,10 @@ class Server {
   /// @errors   with RealtimeMode::kRequire, the process lacks a right
   [[nodiscard]] virtual expected<void, SetupError> start() = 0;
 
-  /// Stops the lanes. Running calls are finished and answered first; deferred calls and streams end
-  /// with CallError::kStopped. Then it notifies every caller and closes the sockets. May be called
-  /// twice.
+  /// Stops the lanes. Running calls are finished and answered first; in a lane with several
+  /// threads, callers of those that still run after 1 s get CallError::kStopped. Deferred calls and
+  /// streams end with CallError::kStopped. Then it notifies every caller and closes the sockets.
+  /// May be called twice.
   virtual void stop() noexcept = 0;
 
   [[nodiscard]] virtual std::uint16_t port() const noexcept = 0;

@@ -22,8 +22,9 @@ class Connection {
   /// Sends one whole frame; while the buffer is full, waits until `until`.
   [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame,
                                                      MonotonicTime until) noexcept = 0;
-  /// Whether the buffer accepts a frame of `size` bytes that may wait, and still has that much
-  /// space for frames that may not, such as replies.
+  /// Whether the buffer is empty, or a frame of `size` bytes that may wait leaves a reserve for
+  /// frames that may not, such as replies. Shared memory keeps half of the ring free; TCP limits
+  /// the bytes that are unsent or unacknowledged.
   /// @realtime at most one system call
   [[nodiscard]] virtual bool has_spare_capacity(std::size_t size) noexcept = 0;
   /// Returns one whole frame, if it has arrived; aligned to 16 bytes, valid until the next

@@ -58,7 +58,8 @@ struct Accepted {
 /// @realtime alloc-free, one system call
 [[nodiscard]] std::optional<std::uint32_t> user_of(int socket) noexcept;
 
-/// Whether the peer of a connected socket is on this host: both ends have the same address.
+/// Whether the peer of a connected socket is on this host: its address is loopback, or the one that
+/// it called.
 /// @realtime alloc-free, at most two system calls
 [[nodiscard]] bool is_from_this_host(int socket) noexcept;
 

@@ -70,7 +70,7 @@ class UdpPort {
                                                    const DatagramBatch& batch) noexcept;
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
 
-  /// The host of a peer; this_host() if the peer has the address that it called.
+  /// The host of a peer; this_host() if its address is loopback, or the one that it called.
   /// @realtime a few ns
   [[nodiscard]] wire::PeerAddress host_of(const wire::PeerAddress& peer) const noexcept;
   /// The UdpPortConfig::index of the port that received from the peer.
