@@ -126,6 +126,36 @@ TEST_F(RegistrationTest, ReportsOnceThatNoRegistryAnswersAndOnceThatItIsBack) {
   EXPECT_EQ(url_of(kName), kUrl);
 }
 
+// A later bind that offered refused properties would lose the name.
+TEST_F(RegistrationTest, KeepsItsNameAndPropertiesIfNewOnesAreRefused) {
+  const std::vector<Property> accepted{{"is_free", true}};
+  const auto registration =
+      test::made(Registration::create(node_, registry_.url(), kName, kUrl, kInterface, 300ms,
+                                      reports_.taker(), Takeover::kRefused, accepted));
+  std::vector<Property> large;
+  for (std::size_t i = 0; i < kPropertyCountMax; ++i)
+    large.push_back({"note" + std::to_string(i), std::string(kPropertyTextSizeMax, 'x')});
+  EXPECT_FALSE(registration->set_properties({{"is free", false}})) << "malformed";
+  EXPECT_FALSE(registration->set_properties(large)) << "beyond a limit";
+  registry_.stop();
+  ASSERT_EQ(reports_.await(1).size(), 1U);
+  EXPECT_FALSE(registration->set_properties({{"is free", false}})) << "without a registry";
+  registry_.start();
+  test::expect_text(reports_.await(2).back(), {"the name 'lab/arm0' is bound again"});
+  EXPECT_EQ(directory_.describe(kName)->properties, accepted);
+}
+
+TEST_F(RegistrationTest, SetsNewPropertiesWithTheNextBindIfNoRegistryAnswers) {
+  const auto registration = test::made(create());
+  registry_.stop();
+  ASSERT_EQ(reports_.await(1).size(), 1U);
+  const std::vector<Property> later{{"is_free", false}};
+  EXPECT_FALSE(registration->set_properties(later));
+  registry_.start();
+  test::expect_text(reports_.await(2).back(), {"the name 'lab/arm0' is bound again"});
+  EXPECT_EQ(directory_.describe(kName)->properties, later);
+}
+
 TEST_F(RegistrationTest, ReportsALossOnceAndTakesTheNameBackWhenItIsFree) {
   const auto registration = test::made(create());
   ASSERT_TRUE(directory_.rebind({.name = kName,

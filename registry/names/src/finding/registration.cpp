@@ -10,6 +10,7 @@
 #include "client/seat.hpp"
 #include "finding/own_names.hpp"
 #include "finding/service_trust.hpp"
+#include "model/properties.hpp"
 #include "rtpm/discovery/finder.hpp"
 #include "rtpm/discovery/scope.hpp"
 #include "rtpm/names/directory.hpp"
@@ -114,21 +115,30 @@ class Registration::Impl {
   [[nodiscard]] bool is_bound() const noexcept { return is_bound_; }
 
   [[nodiscard]] expected<void, SetupError> set_properties(std::vector<Property> properties) {
+    const std::lock_guard setting(setting_);
+    Offer offer;
     std::vector<std::shared_ptr<Place>> places;
     {
       const std::lock_guard lock(mutex_);
-      offer_.properties = std::move(properties);
+      offer = offer_;
       for (const auto& place : {registry_, own_}) {
         if (place && place->is_bound) places.push_back(place);
       }
     }
-    if (places.empty()) return setup_error("the name '" + offer_.name + "' is not bound");
+    offer.properties = std::move(properties);
+    expected<void, SetupError> result;
+    if (places.empty()) result = setup_error("the name '" + offer.name + "' is not bound");
+    // A later bind that offers refused properties would lose the name.
+    bool is_refused = first_bad_property(offer.properties).has_value();
     for (const auto& place : places) {
-      if (auto bound = place->seat.bind(place->names ? own_offer_now() : offer_now()); !bound) {
-        return unexpected{std::move(bound.error())};
-      }
+      auto bound = place->seat.bind(place->names ? own_offer(offer) : offer);
+      if (bound) continue;
+      is_refused |= bound.error().outcome.has_value();
+      result = unexpected{std::move(bound.error())};
     }
-    return {};
+    const std::lock_guard lock(mutex_);
+    if (!is_refused) offer_.properties = std::move(offer.properties);
+    return result;
   }
 
  private:
@@ -142,11 +152,12 @@ class Registration::Impl {
 
   /// Uses a lease that outlasts attempts at a hanging registry: the service ends with the program
   /// anyway.
-  [[nodiscard]] Offer own_offer_now() {
-    Offer offer = offer_now();
+  [[nodiscard]] static Offer own_offer(Offer offer) {
     offer.lease = std::max(offer.lease, kOwnLease);
     return offer;
   }
+
+  [[nodiscard]] Offer own_offer_now() { return own_offer(offer_now()); }
 
   [[nodiscard]] Offer offer_now() {
     const std::lock_guard lock(mutex_);
@@ -356,8 +367,9 @@ class Registration::Impl {
   bool is_to_look_for_duplicates_ = false;
   MonotonicTime own_end_ = kNever;  ///< When its own service of the name ends.
   std::string said_{};
-  // This mutex is not for real-time threads. Guards the members below.
-  std::mutex mutex_;
+  // The mutexes are not for real-time threads.
+  std::mutex setting_;  ///< Lets one set_properties() run at a time.
+  std::mutex mutex_;    ///< Guards the members below.
   Offer offer_;
   std::shared_ptr<Place> registry_{};  ///< Null if there is none. The lease thread replaces it.
   /// Null if this program serves no names itself. The lease thread replaces it.

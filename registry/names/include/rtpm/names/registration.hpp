@@ -65,8 +65,8 @@ class Registration {
 
   /// Replaces the properties, for this and later binds; blocks at most 1 s.
   /// @threads  any
-  /// @errors   a malformed property; a limit of the registry; the registry does not answer: then
-  ///           the next bind sets them
+  /// @errors   a malformed property, a limit of the registry: the previous ones stay in force; the
+  ///           registry does not answer: then the next bind sets them
   [[nodiscard]] expected<void, SetupError> set_properties(std::vector<Property> properties);
 
   /// Whether the name was bound at the last renewal.
