@@ -1,4 +1,4 @@
-# rtpm_generate(TARGET name SCHEMAS a.fbs … [INCLUDE dirs…] [LINK targets…] [CONFORM dir])
+# rtpm_generate(TARGET name SCHEMAS a.fbs … [INCLUDE dirs…] [LINK targets…] [CONFORM dir] [PYTHON dir])
 #
 # Builds the static library <name> from schemas. For each a.fbs, rtpmc generates the stubs and
 # skeletons of its rpc_services (a.rtpm.hpp, a.rtpm.functions.hpp, a.rtpm.cpp) and its events
@@ -9,6 +9,8 @@
 #   LINK     libraries with included schemas that are not in SCHEMAS; rtpm::idl is always linked
 #   CONFORM  a folder with older versions of the schemas, by file name; the build stops where a schema
 #            does not conform
+#   PYTHON   a folder that becomes a Python package with a module a_rtpm for each a.fbs; relative to
+#            the current folder of the build
 #
 # When cross-compiling, RTPM_HOST_RTPMC names an rtpmc that runs on the building machine.
 if(RTPM_INSTALLED_IDL_DIR)
@@ -38,7 +40,7 @@ function(rtpm_find_rtpmc command dependency)
 endfunction()
 
 function(rtpm_generate)
-  cmake_parse_arguments(PARSE_ARGV 0 A "" "TARGET;CONFORM" "SCHEMAS;INCLUDE;LINK")
+  cmake_parse_arguments(PARSE_ARGV 0 A "" "TARGET;CONFORM;PYTHON" "SCHEMAS;INCLUDE;LINK")
   if(A_UNPARSED_ARGUMENTS OR NOT A_TARGET OR NOT A_SCHEMAS)
     message(FATAL_ERROR "rtpm_generate: TARGET and SCHEMAS are required and nothing unknown is taken; got '${ARGV}'")
   endif()
@@ -50,6 +52,11 @@ function(rtpm_generate)
     cmake_path(ABSOLUTE_PATH directory BASE_DIRECTORY "${CMAKE_CURRENT_SOURCE_DIR}")
     list(APPEND include_flags -I "${directory}")
   endforeach()
+  if(A_PYTHON)
+    cmake_path(ABSOLUTE_PATH A_PYTHON BASE_DIRECTORY "${CMAKE_CURRENT_BINARY_DIR}" NORMALIZE)
+    file(MAKE_DIRECTORY "${A_PYTHON}")
+    file(TOUCH "${A_PYTHON}/__init__.py" "${A_PYTHON}/py.typed")
+  endif()
   set(generated "")
   foreach(schema IN LISTS A_SCHEMAS)
     cmake_path(ABSOLUTE_PATH schema BASE_DIRECTORY "${CMAKE_CURRENT_SOURCE_DIR}")
@@ -63,12 +70,19 @@ function(rtpm_generate)
     endif()
     set(files "${out}/${stem}.rtpm.hpp" "${out}/${stem}.rtpm.functions.hpp" "${out}/${stem}.rtpm.events.hpp"
       "${out}/${stem}.rtpm.cpp" "${out}/${stem}_generated.h" "${out}/${stem}_generated.cpp")
+    set(python "")
+    if(A_PYTHON)
+      string(MAKE_C_IDENTIFIER "${stem}" module)
+      list(APPEND files "${A_PYTHON}/${module}_rtpm.py" "${A_PYTHON}/${module}_rtpm.pyi")
+      set(python COMMAND "${rtpmc}" ${include_flags} --emit python -o "${A_PYTHON}" "${schema}")
+    endif()
     # rtpmc comes first because its errors are better. flatc writes no file for a schema without types
     # of its own: the touch creates the promised output. The last command moves the part of flatc's
     # header that is slow to compile and rarely used to a source file.
     add_custom_command(
       OUTPUT ${files}
       COMMAND "${rtpmc}" ${include_flags} --cpp ${conform} --depfile "${out}/${stem}.d" -o "${out}" "${schema}"
+      ${python}
       COMMAND "${RTPM_FLATC}" --cpp --cpp-std c++17 --scoped-enums --gen-object-api ${include_flags} -o "${out}" "${schema}"
       COMMAND "${CMAKE_COMMAND}" -E touch "${out}/${stem}_generated.h"
       COMMAND "${rtpmc}" split-objects "${out}/${stem}_generated.h" "${out}/${stem}_generated.cpp"
@@ -93,7 +107,7 @@ function(rtpm_generate)
     set_target_properties(${A_TARGET} PROPERTIES EXPORT_NAME "${CMAKE_MATCH_1}")
     add_library(rtpm::${CMAKE_MATCH_1} ALIAS ${A_TARGET})
     set(headers ${generated})
-    list(FILTER headers EXCLUDE REGEX "\\.cpp$")
+    list(FILTER headers EXCLUDE REGEX "\\.(cpp|pyi?)$")
     set(needs rtpm::rpc ${A_LINK})
     if(NOT A_TARGET STREQUAL "rtpm_idl")
       list(APPEND needs rtpm_idl)

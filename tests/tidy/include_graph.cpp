@@ -122,7 +122,7 @@ const std::vector<Order>& orders() {
        {"", "model", "local", "tap", "security", "media", "calls", "execution", "lane", "server",
         "client"}},
       {"registry/names/src/", {"model", "store", "servant", "client", "finding"}},
-      {"schema/compiler/src/", {"model", "reading", "checks", "text", "cpp", "program"}},
+      {"schema/compiler/src/", {"model", "reading", "checks", "text", "cpp", "python", "program"}},
   };
   return kOrders;
 }

@@ -41,18 +41,6 @@ std::string data_includes(const Model& model) {
   return text;
 }
 
-std::string waiting_of(OnewayLevel level) {
-  switch (level) {
-    case OnewayLevel::kSent:
-      return "does not wait";
-    case OnewayLevel::kReceived:
-      return "waits until the server has it";
-    case OnewayLevel::kDone:
-      break;
-  }
-  return "waits until it ran";
-}
-
 std::string facts(const Method& method) {
   std::string text = "Method " + std::to_string(method.id);
   if (method.is_idempotent) text += ", idempotent";
@@ -79,14 +67,6 @@ Documentation documentation_of(const Model& model, const Method& method) {
   }
   lines.push_back(facts(method));
   return lines;
-}
-
-std::string priority_facts(const Service& service) {
-  if (!service.priority) return {};
-  const std::string number = std::to_string(*service.priority);
-  return service.priority_model == PriorityModel::kServerDeclared
-             ? "Its methods run at priority " + number + ", independent of the caller's."
-             : "Calls without a priority run at " + number + '.';
 }
 
 std::string real_time(const Method& method) {

@@ -95,4 +95,24 @@ Documentation quantities(const Model& model, const Payload& payload, const std::
   return lines.take(role);
 }
 
+std::string waiting_of(OnewayLevel level) {
+  switch (level) {
+    case OnewayLevel::kSent:
+      return "does not wait";
+    case OnewayLevel::kReceived:
+      return "waits until the server has it";
+    case OnewayLevel::kDone:
+      break;
+  }
+  return "waits until it ran";
+}
+
+std::string priority_facts(const Service& service) {
+  if (!service.priority) return {};
+  const std::string number = std::to_string(*service.priority);
+  return service.priority_model == PriorityModel::kServerDeclared
+             ? "Its methods run at priority " + number + ", independent of the caller's."
+             : "Calls without a priority run at " + number + '.';
+}
+
 }  // namespace rtpm::schema

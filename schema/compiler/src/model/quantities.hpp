@@ -15,4 +15,9 @@ namespace rtpm::schema {
 /// The quantity of one field: "newton, -20 to 20, in the frame base"; empty if it has none.
 [[nodiscard]] std::string quantity(const Field& field);
 
+/// How long the caller of a oneway waits: "waits until it ran".
+[[nodiscard]] std::string waiting_of(OnewayLevel level);
+/// The priority of a service's methods as a sentence; empty if it states none.
+[[nodiscard]] std::string priority_facts(const Service& service);
+
 }  // namespace rtpm::schema

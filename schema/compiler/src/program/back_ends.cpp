@@ -10,6 +10,8 @@ std::span<const BackEndEntry> back_ends() noexcept {
                    &make_cpp_back_end},
       BackEndEntry{"json", "the model of the schema, for other generators: NAME.rtpm.json",
                    &make_json_back_end},
+      BackEndEntry{"python", "for Python's package rtpm: NAME_rtpm.py, types in NAME_rtpm.pyi",
+                   &make_python_back_end},
   };
   return kBackEnds;
 }

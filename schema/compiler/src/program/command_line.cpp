@@ -42,7 +42,7 @@ std::string help() {
   std::string languages;
   for (const BackEndEntry& entry : back_ends()) {
     languages.append("                    ").append(entry.name);
-    languages.append(6 - std::min<std::size_t>(5, entry.name.size()), ' ');
+    languages.append(8 - std::min<std::size_t>(7, entry.name.size()), ' ');
     languages.append(entry.summary).append(1, '\n');
   }
   return text.replace(text.find('@'), 1, languages);

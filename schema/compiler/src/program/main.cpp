@@ -3,7 +3,6 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
-#include <iterator>
 #include <span>
 #include <string>
 #include <string_view>
@@ -74,13 +73,12 @@ int write(const Command& command, const Model& model) {
 }
 
 /// Runs the checks of all languages, so that code for any of them can be generated from every
-/// accepted schema.
+/// accepted schema. Stops at the first language with errors: the next often has the same ones.
 Diagnostics check(const Model& model) {
-  Diagnostics errors;
   for (const BackEndEntry& entry : back_ends()) {
-    std::ranges::move(entry.make(RTPM_VERSION)->check(model), std::back_inserter(errors));
+    if (Diagnostics errors = entry.make(RTPM_VERSION)->check(model); !errors.empty()) return errors;
   }
-  return errors;
+  return {};
 }
 
 int carry_out(const Command& command) {

@@ -56,6 +56,18 @@ class TextWriter {
     return with_attributes();
   }
 
+  std::string write() {
+    Reach all;
+    for (std::size_t index = 0; index < model_.objects.size(); ++index)
+      all.objects.insert(index);
+    for (std::size_t index = 0; index < model_.enums.size(); ++index)
+      all.enums.insert(index);
+    write_types(all);
+    for (const Service& service : model_.services)
+      write_service(service);
+    return with_attributes();
+  }
+
   std::string write(const Object& event) {
     Reach reach;
     reach.add(model_, static_cast<std::size_t>(&event - model_.objects.data()));
@@ -169,9 +181,15 @@ class TextWriter {
       if (enumeration.is_union && value.union_type.base == BaseType::kNone) continue;
       text_ += comment(value.documentation, "  ") + "  " + value.name;
       text_ += enumeration.is_union ? ':' + type_text(model_, value.union_type) + ",\n"
-                                    : " = " + std::to_string(value.value) + ",\n";
+                                    : " = " + number_of(enumeration, value) + ",\n";
     }
     text_ += "}\n";
+  }
+
+  static std::string number_of(const Enum& enumeration, const EnumValue& value) {
+    return enumeration.underlying == BaseType::kUint64
+               ? std::to_string(static_cast<std::uint64_t>(value.value))
+               : std::to_string(value.value);
   }
 
   void write_service(const Service& service) {
@@ -206,6 +224,10 @@ class TextWriter {
 };
 
 }  // namespace
+
+std::string schema_text(const Model& model) {
+  return TextWriter(model).write();
+}
 
 std::string schema_text(const Model& model, const Service& service) {
   return TextWriter(model).write(service);

@@ -55,4 +55,8 @@ struct BackEndEntry {
 /// @source schema/model.md
 [[nodiscard]] std::unique_ptr<BackEnd> make_json_back_end(std::string compiler_version);
 
+/// Python for the package `rtpm`: <stem>_rtpm.py, which has the schema as data, and <stem>_rtpm.pyi,
+/// its classes for type checkers and editors.
+[[nodiscard]] std::unique_ptr<BackEnd> make_python_back_end(std::string compiler_version);
+
 }  // namespace rtpm::schema

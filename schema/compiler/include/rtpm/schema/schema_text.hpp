@@ -6,6 +6,10 @@
 
 namespace rtpm::schema {
 
+/// The whole schema with the types of included files, without includes. Compiling it results in the
+/// same types, and in services and events with the same fingerprints.
+[[nodiscard]] std::string schema_text(const Model& model);
+
 /// A schema with one service and all types that it needs, without includes, for tools without
 /// generated code. Compiling it results in a service with the same fingerprint, comments and units.
 /// Leaves out attributes of other tools.
