@@ -167,7 +167,9 @@ struct Options::Impl {
     for (const ConfigEntry& entry : *file) {
       const std::string key = key_text(entry.path);
       const auto setting = std::ranges::find(settings, entry.path, &Setting::path);
-      if (setting != settings.end()) {
+      if (setting != settings.end() && entry.is_table) {
+        fail(entry.place + ": " + key + " is a table, not " + setting->expected);
+      } else if (setting != settings.end()) {
         set(*setting, entry.texts, entry.place + ": " + key, entry.place);
       } else if (!entry.is_table || std::ranges::none_of(settings, [&](const Setting& each) {
                    return std::ranges::mismatch(entry.path, each.path).in1 == entry.path.end();

@@ -161,7 +161,8 @@ TEST_F(OptionsTest, NamesAnUnknownKeyWithItsLine) {
   expect_file_error("port = 1\n\nperoid = '1ms'\n",
                     {".toml:3:", "unknown key 'peroid'", "did you mean 'period'?"});
   expect_file_error("config = 'other'\n", {".toml:1:", "unknown key 'config'"});
-  expect_file_error("[port]\nlow = 1\n", {".toml:1:", "port '' is not a whole number"});
+  expect_file_error("[port]\nlow = 1\n", {".toml:1:", "port is a table, not a whole number"});
+  expect_file_error("[cases]\n", {".toml:1:", "cases is a table, not "});
   expect_file_error("[lab]\nlow = 1\n", {".toml:1:", "unknown key 'lab'"});
 }
 
