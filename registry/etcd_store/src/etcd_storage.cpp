@@ -179,7 +179,7 @@ class EtcdStorage final : public names::Storage {
         {"failure", Json::array({range_of(key)})}};
     const auto answer = gateway_.ask("/v3/kv/txn", request, deadline);
     if (!answer) return unexpected{failure(answer.error())};
-    const auto revision = revision_of(*answer, std::string(name), 0);
+    const auto revision = revision_of(*answer, [](const KeyValue&) { return false; });
     if (!revision) return unexpected{after(revision.error(), deadline)};
     return {};
   }
@@ -226,7 +226,11 @@ class EtcdStorage final : public names::Storage {
                        {"success", Json::array({{{"request_put", std::move(success)}}})},
                        {"failure", looks_of(change)}};
     const auto answer = gateway_.ask("/v3/kv/txn", request, deadline);
-    auto revision = answer ? revision_of(*answer, name, value.write)
+    const auto is_own = [&](const KeyValue& found) {
+      const auto written = parse_value(found.value);
+      return found.key == keys_.key_of(name) && written && written->write == value.write;
+    };
+    auto revision = answer ? revision_of(*answer, is_own)
                            : expected<std::uint64_t, Conflict>(unexpected{failure(answer.error())});
     const bool is_lease_over = !answer && answer.error().code == GatewayError::kNotFound;
     if (is_lease_over) revision = unexpected{conflict(0)};
@@ -284,26 +288,30 @@ class EtcdStorage final : public names::Storage {
   expected<std::uint64_t, Conflict> erase(const StoredChange& change, MonotonicTime deadline) {
     const std::string name(change.name);
     const auto known = known_.find(name);
+    const std::string fence = keys_.fence_of(name);
+    const std::string write = std::to_string(rt::random_u64());
     const Json request{
         {"compare",
          Json::array({compare(keys_.key_of(name), "MOD", "mod_revision", change.expected)})},
         {"success",
          Json::array(
              {{{"request_delete_range", {{"key", to_base64(keys_.key_of(name))}}}},
-              {{"request_put", {{"key", to_base64(keys_.fence_of(name))}, {"value", ""}}}}})},
-        {"failure", Json::array({range_of(keys_.key_of(name))})}};
+              {{"request_put", {{"key", to_base64(fence)}, {"value", to_base64(write)}}}}})},
+        {"failure", Json::array({range_of(keys_.key_of(name)), range_of(fence)})}};
     const auto answer = gateway_.ask("/v3/kv/txn", request, deadline);
     if (!answer) return unexpected{failure(answer.error())};
-    const auto revision = revision_of(*answer, name, 0);
+    const auto revision = revision_of(
+        *answer, [&](const KeyValue& found) { return found.key == fence && found.value == write; });
     if (revision && known) known_.add_unused(known->etcd_lease);
     return revision;
   }
 
-  // The revision of the change if it was made, for a put even by an earlier request for the same
-  // change; otherwise the change that was found instead.
+  // The revision of the change if it was made, even by an earlier request for the same change;
+  // otherwise the change that was found instead.
+  // @param is_own  whether an earlier request for the same change wrote this value
+  template <class IsOwn>
   [[nodiscard]] expected<std::uint64_t, Conflict> revision_of(const Json& answer,
-                                                              const std::string& name,
-                                                              std::uint64_t write) const {
+                                                              IsOwn is_own) const {
     if (answer.value("succeeded", Json()) == true) {
       return number_at(object_at(answer, "header"), "revision");
     }
@@ -312,9 +320,7 @@ class EtcdStorage final : public names::Storage {
       for (const Json& each : object_at(object_at(response, "response_range"), "kvs")) {
         const auto found = key_value_of(each);
         if (!found) continue;
-        const auto value = write == 0 ? std::nullopt : parse_value(found->value);
-        const bool is_own = value && value->write == write && found->key == keys_.key_of(name);
-        if (is_own) return found->mod_revision;
+        if (is_own(*found)) return found->mod_revision;
         last = std::max(last, found->mod_revision);
       }
     }

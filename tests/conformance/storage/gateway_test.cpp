@@ -172,6 +172,37 @@ TEST(Gateway, RecognizesItsOwnChangeAfterALostAnswer) {
   EXPECT_EQ(refused.error().kind, Kind::kConflict);
 }
 
+TEST(Gateway, RecognizesItsOwnUnbindAfterALostAnswer) {
+  std::mutex mutex;
+  json fence;
+  const FakeEtcd silent([&](const std::string& path, const std::string& body) -> std::string {
+    if (path == "/v3/kv/range") return kEmpty;
+    const std::lock_guard lock(mutex);
+    fence = json::parse(body)["success"][1]["request_put"];
+    fence["mod_revision"] = "12";
+    return {};
+  });
+  const FakeEtcd next([&](const std::string&, const std::string&) {
+    const std::lock_guard lock(mutex);
+    return json{{"header", {{"cluster_id", "7"}, {"revision", "20"}}},
+                {"responses",
+                 {{{"response_range", json::object()}}, {{"response_range", {{"kvs", {fence}}}}}}}}
+        .dump();
+  });
+  const auto storage = storage_at(silent.endpoint() + "," + next.endpoint());
+  ASSERT_TRUE(storage->load());
+  const auto unbind = [&] {
+    return storage->commit({"lab/arm0", nullptr, 7, false, 6, rt::now() + 1s});
+  };
+  const auto unbound = unbind();
+  ASSERT_TRUE(unbound) << unbound.error().text();
+  EXPECT_EQ(*unbound, 12u);
+  // The next unbind goes to the second endpoint only, and finds the fence of the first one.
+  const auto refused = unbind();
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().kind, Kind::kConflict);
+}
+
 TEST(Gateway, ReportsAFullDiskAndAHungNode) {
   const FakeEtcd full([](const std::string& path, const std::string&) -> std::string {
     return path == "/v3/kv/range"
