@@ -29,6 +29,8 @@ expected<void, SetupError> FlightFiles::start() {
     return setup_error("the folder of flight records, " + folder_ + ", can't be made",
                        error.message(), "set --flight-records to a folder that can be written");
   }
+  for (Device& device : devices_)
+    find_last_file(device);
   rt::ThreadConfig config;
   config.name = "flight-files";
   auto started = rt::Thread::start(config, [this] { loop(); });
@@ -51,10 +53,8 @@ void FlightFiles::write_new(Device& device) {
   if (device.recorder->number() == device.written_number) return;
   const gvd::FlightLog log = device.recorder->newest();
   device.written_number = log.number;
-  std::string file = device.name;
-  std::ranges::replace(file, '/', '-');
-  const std::string path = folder_ + "/" + file + "." + std::to_string(log.number % kFileCountMax) +
-                           std::string(flight_file_ending());
+  device.last_file = (device.last_file + 1) % kFileCountMax;
+  const std::string path = path_of(device, device.last_file);
   const std::string cause(to_string(log.cause));
   if (const auto written = write_flight(path, device.name, log); !written) {
     log_.write(device.name + ": " + cause + " in cycle " + std::to_string(log.cycle) +
@@ -63,6 +63,23 @@ void FlightFiles::write_new(Device& device) {
   }
   log_.write(device.name + ": " + cause + " in cycle " + std::to_string(log.cycle) +
              "; its flight record is " + path);
+}
+
+std::string FlightFiles::path_of(const Device& device, std::uint64_t file) const {
+  std::string name = device.name;
+  std::ranges::replace(name, '/', '-');
+  return folder_ + "/" + name + "." + std::to_string(file) + std::string(flight_file_ending());
+}
+
+void FlightFiles::find_last_file(Device& device) const {
+  auto newest = std::filesystem::file_time_type::min();
+  for (std::uint64_t file = 0; file < kFileCountMax; ++file) {
+    std::error_code error;
+    const auto written = std::filesystem::last_write_time(path_of(device, file), error);
+    if (error || written < newest) continue;
+    newest = written;
+    device.last_file = file;
+  }
 }
 
 }  // namespace rtpm::deviced

@@ -18,7 +18,7 @@ namespace rtpm::deviced {
 /// @threads  set-up: one thread
 class FlightFiles {
  public:
-  /// Maximum number of files per device; new files replace the oldest.
+  /// Maximum number of files per device; new files replace the oldest, also those of earlier starts.
   static constexpr std::uint64_t kFileCountMax = 16;
 
   explicit FlightFiles(std::string folder) : folder_(std::move(folder)) {}
@@ -28,7 +28,7 @@ class FlightFiles {
 
   /// Call this before start().
   void add(std::string device, const gvd::FlightRecorder& recorder) {
-    devices_.push_back({std::move(device), &recorder, 0});
+    devices_.push_back({.name = std::move(device), .recorder = &recorder});
   }
   /// Creates the folder and starts the thread; does nothing if no folder is configured.
   /// @errors   the folder can't be created
@@ -39,9 +39,12 @@ class FlightFiles {
     std::string name{};
     const gvd::FlightRecorder* recorder = nullptr;
     std::uint64_t written_number = 0;
+    std::uint64_t last_file = 0;  ///< The number of the newest file, below kFileCountMax.
   };
   void loop();
   void write_new(Device& device);
+  [[nodiscard]] std::string path_of(const Device& device, std::uint64_t file) const;
+  void find_last_file(Device& device) const;
 
   std::string folder_;
   std::vector<Device> devices_{};
