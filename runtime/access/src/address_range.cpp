@@ -48,6 +48,7 @@ std::optional<AddressRange> AddressRange::parse(std::string_view text) {
 }
 
 bool AddressRange::contains(const NetworkAddress& address) const noexcept {
+  if (address == NetworkAddress{}) return false;
   for (unsigned bit = 0; bit < bit_count_; ++bit) {
     if (is_set(prefix_, bit) != is_set(address, bit)) return false;
   }

@@ -11,8 +11,11 @@
 #include <utility>
 #include <vector>
 
+#include "rtpm/access/grants.hpp"
 #include "rtpm/test/sealed_peer.hpp"
+#include "rtpm/transport/socket.hpp"
 #include "secured_server.hpp"
+#include "security/call_origin.hpp"
 
 // Permissions over every transport: identities × lines of `authorized` × objects × methods × ways
 // to call. A model that knows only the lines predicts the result of each call.
@@ -377,6 +380,19 @@ std::vector<Round> rounds(const Keys& keys) {
                                {text_of(keys[0]), 0, "**"}}},
                     .has_strangers = true});
   return rounds;
+}
+
+// The system may not tell a peer's address, or a local user.
+TEST(AccessMatrix, FindsAnUnknownPeerInNoRange) {
+  const std::string line = "anonymous role=observe on=** from=";
+  for (const std::string range : {"::/0", "0.0.0.0/0", "::", "0.0.0.0"}) {
+    const access::Grants grants(access::parse_authorized(line + range + "\n").grants);
+    for (const CallOrigin& unknown : {origin_of_user(std::nullopt), origin_at(nullptr, {})})
+      EXPECT_FALSE(grants.knows(unknown.subject, unknown.address)) << range;
+  }
+  const access::Grants grants(access::parse_authorized(line + "::/0\n").grants);
+  const CallOrigin known = origin_at(nullptr, transport::this_host());
+  EXPECT_TRUE(grants.knows(known.subject, known.address));
 }
 
 // hp-6.4-1, hp-6.4-2, hp-16.1-4

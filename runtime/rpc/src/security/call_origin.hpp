@@ -13,14 +13,16 @@ namespace rtpm::rpc {
 /// A caller, and the address that it calls from.
 struct CallOrigin {
   access::Subject subject{};
-  std::optional<access::NetworkAddress> address{};  ///< nullopt if provably on this host.
+  /// nullopt if provably on this host; :: if unknown, which no range contains.
+  std::optional<access::NetworkAddress> address{};
 };
 
-/// A peer's address, without its port.
+/// A peer's address, without its port; :: if it is unknown, see transport::host_of().
 /// @realtime alloc-free
 [[nodiscard]] inline access::NetworkAddress network_address(
     const wire::PeerAddress& peer) noexcept {
   access::NetworkAddress address{};
+  if (peer.high == 0 && peer.low == 0) return address;
   const in6_addr native = transport::SocketAddress::of(peer).mapped_into_ipv6().ipv6();
   std::ranges::copy(native.s6_addr, address.begin());
   return address;
@@ -39,7 +41,8 @@ struct CallOrigin {
   return origin;
 }
 
-/// A local user as the kernel reports it. An unknown user is anonymous and has no address.
+/// A local user as the kernel reports it. An unknown user is anonymous, and its address is ::, so
+/// that it does not count as a caller on this host.
 /// @realtime alloc-free
 [[nodiscard]] inline CallOrigin origin_of_user(std::optional<std::uint32_t> user) noexcept {
   CallOrigin origin;

@@ -128,7 +128,7 @@ std::size_t LaneRights::row_of(const wire::Request& request,
 CallOrigin LaneRights::origin_of(const wire::ServerSessions& sessions,
                                  const wire::Request& request) noexcept {
   const auto peer = sessions.peer_of(request);
-  // An unknown peer has no address, so no address range contains it.
+  // The address of an unknown peer is ::, which no range contains.
   if (!peer) return origin_of_user(std::nullopt);
   if (&sessions == sessions_[2]) {
     const Slot* const slot = connections_.of_peer(*peer);

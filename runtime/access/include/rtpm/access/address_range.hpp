@@ -8,7 +8,7 @@
 
 namespace rtpm::access {
 
-/// A network address in IPv6 form; IPv4 as ::ffff:a.b.c.d.
+/// A network address in IPv6 form; IPv4 as ::ffff:a.b.c.d. An unknown one is ::.
 using NetworkAddress = std::array<std::uint8_t, 16>;
 
 /// Parses a numeric IPv4 or IPv6 address without a zone; nullopt if `text` is not one.
@@ -21,6 +21,7 @@ class AddressRange {
   /// usually a mistake.
   [[nodiscard]] static std::optional<AddressRange> parse(std::string_view text);
 
+  /// False for an unknown address.
   /// @realtime alloc-free
   [[nodiscard]] bool contains(const NetworkAddress& address) const noexcept;
 
