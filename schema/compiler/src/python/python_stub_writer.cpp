@@ -254,10 +254,17 @@ class StubWriter {
                       names_.module("enum") + ".IntEnum", lines, body);
   }
 
+  /// A struct of real numbers only is a vector, with arithmetic.
+  static std::string base_of(const Object& object) {
+    if (!object.is_struct) return object.event_id ? ".Event" : ".Table";
+    const bool is_vector = std::ranges::all_of(object.fields, [](const Field& field) {
+      return field.type.base == BaseType::kFloat || field.type.base == BaseType::kDouble;
+    });
+    return is_vector ? ".Vector" : ".Struct";
+  }
+
   std::string object_class(const Object& object) {
-    const std::string base = names_.module("rtpm") + (object.is_struct  ? ".Struct"
-                                                      : object.event_id ? ".Event"
-                                                                        : ".Table");
+    const std::string base = names_.module("rtpm") + base_of(object);
     std::set<std::string> members;
     for (const Field& field : object.fields) {
       if (is_in_python(field)) members.insert(python_name(field.name));
