@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "flight_wire.hpp"
-#include "models_wire.hpp"
 #include "rtpm/gvd/command_lease.hpp"
 #include "rtpm/gvd/lease.hpp"
+#include "rtpm/gvd/models_wire.hpp"
 #include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/clock_sync.hpp"

@@ -1,4 +1,4 @@
-#include "models_wire.hpp"
+#include "rtpm/gvd/models_wire.hpp"
 
 #include <array>
 #include <optional>

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "flight_wire.hpp"
-#include "models_wire.hpp"
+#include "rtpm/gvd/models_wire.hpp"
 #include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/memory.hpp"
 

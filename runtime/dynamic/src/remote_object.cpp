@@ -65,8 +65,7 @@ std::string catalog_url(const std::string& url) {
   return parts->text();
 }
 
-expected<std::unique_ptr<RemoteObject>, SetupError> RemoteObject::open(rpc::Node& node,
-                                                                       const std::string& url) {
+expected<Description, SetupError> describe(rpc::Node& node, const std::string& url) {
   const auto parts = wire::parse_url(url);
   if (!parts) return setup_error("'" + url + "' is no URL", "", "write rtpm://host:port/path");
   auto catalog = introspection::IntrospectionClient::bind(node, catalog_url(url));
@@ -84,13 +83,20 @@ expected<std::unique_ptr<RemoteObject>, SetupError> RemoteObject::open(rpc::Node
     return unexpected{not_in_catalog(node, url)};
   }
   if (!description) return setup_error("the description of " + url, description.error());
+  return Description{.interface = (*description)->interface()->str(),
+                     .schema = (*description)->schema()->str(),
+                     .compiler_version = (*description)->compiler_version()->str()};
+}
 
+expected<std::unique_ptr<RemoteObject>, SetupError> RemoteObject::open(rpc::Node& node,
+                                                                       const std::string& url) {
+  auto description = describe(node, url);
+  if (!description) return unexpected{std::move(description.error())};
   auto object = std::unique_ptr<RemoteObject>(new RemoteObject);
-  object->schema_ = (*description)->schema()->str();
-  object->compiler_version_ = printable((*description)->compiler_version()->string_view());
+  object->schema_ = std::move(description->schema);
+  object->compiler_version_ = printable(description->compiler_version);
   std::string error;
-  object->dynamic_ =
-      schema::Dynamic::make(object->schema_, (*description)->interface()->string_view(), error);
+  object->dynamic_ = schema::Dynamic::make(object->schema_, description->interface, error);
   if (!object->dynamic_) {
     return setup_error(
         "the schema of " + url + ", by rtpmc " + object->compiler_version_ + ", can't be read",

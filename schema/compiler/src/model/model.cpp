@@ -16,4 +16,19 @@ std::string referred_name(const Model& model, const Type& type) {
   return type.has_object() ? model.objects[*type.index].name : model.enums[*type.index].name;
 }
 
+Payload payload_of(const Model& model, std::size_t table) {
+  const Object& object = model.objects[table];
+  if (object.fields.empty() && object.name == "rtpm.Empty") {
+    return {.kind = PayloadKind::kEmpty, .table = table, .struct_index = std::nullopt};
+  }
+  if (object.fields.size() == 1 && !object.is_struct) {
+    const Field& field = object.fields.front();
+    if (field.type.base == BaseType::kObject && field.is_required && !field.is_deprecated &&
+        model.objects[*field.type.index].is_struct) {
+      return {.kind = PayloadKind::kStruct, .table = table, .struct_index = field.type.index};
+    }
+  }
+  return {.kind = PayloadKind::kTable, .table = table, .struct_index = std::nullopt};
+}
+
 }  // namespace rtpm::schema

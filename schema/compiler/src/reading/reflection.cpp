@@ -224,19 +224,4 @@ std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes) {
   return read_schema(bytes, nullptr);
 }
 
-Payload payload_of(const Model& model, std::size_t table) {
-  const Object& object = model.objects[table];
-  if (object.fields.empty() && object.name == "rtpm.Empty") {
-    return {.kind = PayloadKind::kEmpty, .table = table, .struct_index = std::nullopt};
-  }
-  if (object.fields.size() == 1 && !object.is_struct) {
-    const Field& field = object.fields.front();
-    if (field.type.base == BaseType::kObject && field.is_required && !field.is_deprecated &&
-        model.objects[*field.type.index].is_struct) {
-      return {.kind = PayloadKind::kStruct, .table = table, .struct_index = field.type.index};
-    }
-  }
-  return {.kind = PayloadKind::kTable, .table = table, .struct_index = std::nullopt};
-}
-
 }  // namespace rtpm::schema

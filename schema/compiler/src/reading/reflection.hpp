@@ -20,7 +20,4 @@ namespace rtpm::schema {
 /// without services, the first type's.
 [[nodiscard]] std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes);
 
-/// The encoding of a table as a request or reply.
-[[nodiscard]] Payload payload_of(const Model& model, std::size_t table);
-
 }  // namespace rtpm::schema

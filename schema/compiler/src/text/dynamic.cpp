@@ -162,6 +162,11 @@ std::unique_ptr<Dynamic> Dynamic::make(const std::string& schema, std::string_vi
   return std::unique_ptr<Dynamic>(new Dynamic(std::move(impl)));
 }
 
+std::unique_ptr<Dynamic> Dynamic::make(const std::string& schema, std::string& error) {
+  auto impl = Impl::make(schema, error);
+  return impl ? std::unique_ptr<Dynamic>(new Dynamic(std::move(impl))) : nullptr;
+}
+
 std::unique_ptr<Dynamic> Dynamic::make_for_event(const std::string& schema, std::string_view name,
                                                  std::string& error) {
   auto impl = Impl::make(schema, error);

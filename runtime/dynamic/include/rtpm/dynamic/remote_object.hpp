@@ -16,6 +16,19 @@
 
 namespace rtpm::dynamic {
 
+/// An object as its server's catalog describes it. Its texts are untrusted.
+/// @ownership a value
+struct Description {
+  std::string interface {};        ///< "lab.Arm".
+  std::string schema{};            ///< See schema::schema_text().
+  std::string compiler_version{};  ///< The version of the rtpmc that wrote it.
+};
+
+/// Fetches the description of the object at `url` from its server.
+/// @realtime set-up only
+/// @errors   no server, a server without a catalog, no such object
+[[nodiscard]] expected<Description, SetupError> describe(rpc::Node& node, const std::string& url);
+
 /// An object of a server that publishes its schema, callable without generated code.
 /// @ownership refers to its node, which must outlive it
 /// @threads  one

@@ -13,7 +13,7 @@
 
 namespace rtpm::schema {
 
-/// Converts requests and replies of one service, or the payload of one event, to and from JSON, for
+/// Converts requests and replies of services, and the payloads of events, to and from JSON, for
 /// tools without generated code.
 ///
 /// The JSON is an object with the table's fields or, for a payload that is a bare struct, with the
@@ -30,6 +30,9 @@ class Dynamic {
   /// @errors nullptr and the reason in `error`: not a schema, or no such service
   [[nodiscard]] static std::unique_ptr<Dynamic> make(const std::string& schema,
                                                      std::string_view name, std::string& error);
+  /// Loads all of `schema`: its model's payloads can be converted.
+  /// @errors nullptr and the reason in `error`: not a schema
+  [[nodiscard]] static std::unique_ptr<Dynamic> make(const std::string& schema, std::string& error);
   /// Loads the event `name` from `schema`, for example from EventDescriptor::schema.
   /// @errors nullptr and the reason in `error`: not a schema, or no such event
   [[nodiscard]] static std::unique_ptr<Dynamic> make_for_event(const std::string& schema,
@@ -40,7 +43,7 @@ class Dynamic {
   ~Dynamic();
 
   [[nodiscard]] const Model& model() const noexcept;
-  /// The service; only valid after make().
+  /// The service; only valid after make() with its name.
   [[nodiscard]] const Service& service() const noexcept;
   /// The event's payload; only valid after make_for_event().
   [[nodiscard]] const Payload& event() const noexcept;

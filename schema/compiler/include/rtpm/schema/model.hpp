@@ -207,6 +207,8 @@ struct Model {
 [[nodiscard]] std::string short_name(const std::string& qualified_name);
 /// The namespace of a name: "lab" for "lab.Arm"; empty for the global namespace.
 [[nodiscard]] std::string namespace_of(const std::string& qualified_name);
+/// How the table `table` of `model` is encoded as a payload.
+[[nodiscard]] Payload payload_of(const Model& model, std::size_t table);
 /// The name of the object or enumeration that `type` refers to; empty if it refers to none.
 [[nodiscard]] std::string referred_name(const Model& model, const Type& type);
 
