@@ -1,0 +1,253 @@
+"""Clients: objects of servers as Python objects."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
+
+from . import _core, errors, values
+
+if TYPE_CHECKING:
+    from .schemas import Schema
+
+_Request = TypeVar("_Request")
+_Reply = TypeVar("_Reply")
+_Item = TypeVar("_Item")
+_C = TypeVar("_C", bound="Client")
+
+_forks = 0
+
+
+def _note_fork() -> None:
+    global _forks
+    _forks += 1
+
+
+os.register_at_fork(after_in_child=_note_fork)
+
+
+class Node:
+    """This program's side of all calls: where names are looked up, and its identity."""
+
+    def __init__(
+        self,
+        registry: str | None = None,
+        *,
+        transport: str = "auto",
+        key_file: str = "",
+        known_servers_file: str = "",
+    ) -> None:
+        """Makes a node.
+
+        registry: a registry's URL, or "host" or "lan" to search for name services; by default the
+        environment's RTPM_REGISTRY, or "host". transport: "auto", "udp", "tcp" or "shm".
+        """
+        self._forks = _forks
+        self._core = _core.Node(
+            registry if registry is not None else os.environ.get("RTPM_REGISTRY", "") or "host",
+            transport,
+            key_file or os.environ.get("RTPM_KEY", ""),
+            known_servers_file or os.environ.get("RTPM_KNOWN_SERVERS", ""),
+        )
+
+    @property
+    def core(self) -> _core.Node:
+        """The extension's node."""
+        if self._forks != _forks:
+            raise errors.ForkedError(
+                "this node belongs to the process that this one was forked from; make an rtpm.Node here, or start "
+                "processes by multiprocessing's method 'spawn'"
+            )
+        return self._core
+
+    def url_of(self, target: str) -> str:
+        """The URL of a name; a URL stays as it is."""
+        return self.core.url_of(target)
+
+    def __repr__(self) -> str:
+        return f"rtpm.Node({self._core.where!r})"
+
+
+_default: Node | None = None
+
+
+def default_node() -> Node:
+    """The node of functions that were given none, made when it is first needed."""
+    global _default
+    if _default is None or _default._forks != _forks:
+        _default = Node()
+    return _default
+
+
+class Client:
+    """An object of a server. Its class has one method per method of the service."""
+
+    _rtpm_schema_: ClassVar[Any] = None
+    _rtpm_service_: ClassVar[int] = 0
+
+    def __init__(self, target: str, *, node: Node | None = None, deadline: float | None = None) -> None:
+        """Binds the object at `target`, a name or a URL, within `deadline` seconds (1)."""
+        if self._rtpm_schema_ is None:
+            raise TypeError("rtpm.Client is a base class; use a generated one, or rtpm.connect(target)")
+        self._node = node or default_node()
+        self._binding: _core.Binding | None = _core.Binding(
+            self._node.core, self._rtpm_schema_.core, self._rtpm_service_, target, deadline
+        )
+
+    @property
+    def binding(self) -> _core.Binding:
+        """The extension's binding."""
+        self._node.core  # Raises in a forked process.
+        if self._binding is None:
+            raise errors.Error("this client is closed")
+        return self._binding
+
+    @property
+    def url(self) -> str:
+        """The URL that calls go to now."""
+        return self.binding.url
+
+    @property
+    def transport(self) -> str:
+        """How calls go: "local", "shm", "udp" or "tcp"."""
+        return self.binding.transport
+
+    def close(self) -> None:
+        """Ends the client; further calls fail."""
+        self._binding = None
+
+    def __enter__(self: _C) -> _C:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        target = "closed" if self._binding is None else self._binding.target
+        return f"<{type(self).__name__} {target}>"
+
+
+class Stream(Generic[_Item]):
+    """The items that answer a call, as an iterator. The server waits for a slow reader."""
+
+    def __init__(self, core: _core.Stream) -> None:
+        self._core = core
+
+    def __iter__(self) -> Iterator[_Item]:
+        return self
+
+    def __next__(self) -> _Item:
+        return cast(_Item, self._core.next(None))
+
+    def next(self, timeout: float | None = None) -> _Item:
+        """The next item. Raises StopIteration after the last one, and rtpm.Timeout if none arrives in time."""
+        return cast(_Item, self._core.next(timeout))
+
+    def close(self) -> None:
+        """Cancels the stream."""
+        self._core.cancel()
+
+    def __enter__(self) -> Stream[_Item]:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def many(
+    method: Callable[[_Request], _Reply],
+    requests: Iterable[_Request],
+    *,
+    priority: int | None = None,
+    deadline: float | None = None,
+) -> list[_Reply]:
+    """Calls a client's method with each request, several at a time; returns the replies in order."""
+    client: Any = getattr(method, "__self__", None)
+    index = getattr(method, "_rtpm_index_", None)
+    if not isinstance(client, Client) or index is None:
+        raise TypeError("rtpm.many takes a method of a client, such as rtpm.many(arm.get_force, requests)")
+    return client.binding.call_many(index, requests, priority, deadline)
+
+
+def _signature(method: dict[str, Any], schema: Schema) -> str:
+    request = "" if method["request"] is None else f"request: {schema.classes.objects[method['request']].__name__}, /, "
+    reply = "None" if method["reply"] is None else schema.classes.objects[method["reply"]].__name__
+    if method["is_stream"]:
+        reply = f"rtpm.Stream[{reply}]"
+    return f"({request}*, priority=None, deadline=None) -> {reply}"
+
+
+def _documentation(method: dict[str, Any]) -> str:
+    facts = []
+    if method["is_oneway"]:
+        facts.append("Oneway: returns without a reply.")
+    if method["is_idempotent"]:
+        facts.append("Idempotent: it is repeated if the connection breaks.")
+    if method["deadline"] is not None:
+        facts.append(f"The default deadline is {method['deadline']:g} s.")
+    return "\n\n".join(text for text in (method["doc"].strip(), " ".join(facts)) if text)
+
+
+def _method(schema: Schema, index: int, method: dict[str, Any], owner: str) -> Any:
+    if method["is_stream"]:
+
+        def call(self: Any, request: Any, priority: Any, deadline: Any) -> Any:
+            return Stream(self.binding.open_stream(index, request, priority, deadline, 16))
+
+    else:
+
+        def call(self: Any, request: Any, priority: Any, deadline: Any) -> Any:
+            return self.binding.call(index, request, priority, deadline)
+
+    function: Any
+    if method["request"] is None:
+
+        def without(self: Any, *, priority: int | None = None, deadline: float | None = None) -> Any:
+            return call(self, None, priority, deadline)
+
+        function = without
+    else:
+
+        def with_request(
+            self: Any, request: Any, /, *, priority: int | None = None, deadline: float | None = None
+        ) -> Any:
+            return call(self, request, priority, deadline)
+
+        function = with_request
+    name = values.python_name(method["name"])
+    function.__name__ = name
+    function.__qualname__ = f"{owner}.{name}"
+    function.__doc__ = f"{name}{_signature(method, schema)}\n\n{_documentation(method)}".strip()
+    function._rtpm_index_ = index
+    return function
+
+
+def client_class(schema: Schema, index: int, module: str) -> type[Client]:
+    """The client class of a schema's service."""
+    service = schema.layout["services"][index]
+    name = values.short_name(service["name"]) + "Client"
+    body: dict[str, Any] = {
+        "__module__": module,
+        "__doc__": service["doc"].strip() or f"A client of {service['name']}.",
+        "_rtpm_schema_": schema,
+        "_rtpm_service_": index,
+    }
+    for number, method in enumerate(service["methods"]):
+        body[values.python_name(method["name"])] = _method(schema, number, method, name)
+    return type(name, (Client,), body)
+
+
+def connect(target: str, *, node: Node | None = None) -> Client:
+    """A client of the object at `target`, a name or a URL, by the schema that its server publishes."""
+    from . import schemas
+
+    node = node or default_node()
+    service, text = node.core.describe(target)
+    schema = schemas.schema_of(text)
+    return schema.clients[service](target, node=node)

@@ -1,0 +1,347 @@
+"""Devices: read by anybody, commanded by the client that holds the lease.
+
+Commands are never repeated for Python: each lasts for the tip's `hold`, then the device takes its force
+away. So a program that stalls, waits in a debugger or is killed leaves no force behind.
+"""
+
+from __future__ import annotations
+
+import functools
+import gc
+import logging
+import math
+import sys
+import threading
+from collections.abc import Iterable, Iterator
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from . import _core, errors, schemas
+from .calls import Node, default_node
+
+if TYPE_CHECKING:
+    from .schemas import Schema
+
+_log = logging.getLogger("rtpm")
+
+#: Device names as a program writes them: a position, three numbers.
+Vector3Like = Any
+#: A local model: rtpm.Wall(…), Sphere, Box, Spring, AffineField, Friction, Detents or DialDetents.
+Model = Any
+
+
+@functools.cache
+def _schema() -> Schema:
+    return schemas.schema_of(_core.device_schema)
+
+
+@functools.cache
+def _types() -> dict[str, Any]:
+    return _schema().names()
+
+
+def _sample(data: bytes) -> Any:
+    return _types()["Sample"].from_buffer_copy(data)
+
+
+def _models(models: Iterable[Model]) -> bytes:
+    types = _types()
+    wrapped = []
+    for model in models:
+        field = MODELS.get(type(model).__name__)
+        if field is None:
+            raise TypeError(f"a model takes {', '.join(MODELS)}, not {type(model).__name__}")
+        wrapped.append(types["Model"](**{field: model}))
+    request = types["SetModelsRequest"]
+    return _schema().core.encode(_schema().classes.objects.index(request), request(models=wrapped))
+
+
+#: The models' classes, and their fields in the schema's Model.
+MODELS = {
+    "Plane": "plane",
+    "Sphere": "sphere",
+    "Box": "box",
+    "Spring": "spring",
+    "AffineField": "affine_field",
+    "Friction": "friction",
+    "Detents": "detents",
+    "DialDetents": "dial_detents",
+}
+
+
+class Device:
+    """A device, to read and, by `command()`, to command."""
+
+    def __init__(
+        self,
+        target: str,
+        *,
+        node: Node | None = None,
+        hold: float = 0.010,
+        patience: float = 0.0,
+        stall: float = 0.5,
+    ) -> None:
+        """Opens the device at `target`, a name or a URL.
+
+        patience: for how many seconds to wait for a device that is not there yet. hold and stall: see
+        command().
+        """
+        self._node = node or default_node()
+        self._hold = hold
+        self._core: _core.Device | None = _core.Device(self._node.core, target, hold, patience, stall)
+        with _schema().clients["rtpm.device.Device"](target, node=self._node) as client:
+            self._description = client.describe()  # type: ignore[attr-defined]
+
+    @property
+    def core(self) -> _core.Device:
+        """The extension's device."""
+        self._node.core  # Raises in a forked process.
+        if self._core is None:
+            raise errors.Error("this device is closed")
+        return self._core
+
+    @property
+    def description(self) -> Any:
+        """The device's own description: axes, limits, workspace, units."""
+        return self._description
+
+    @property
+    def url(self) -> str:
+        """The URL that calls go to now."""
+        return self.core.url
+
+    def read(self, *, priority: int | None = None) -> Any:
+        """The newest sample."""
+        return _sample(self.core.read(priority))
+
+    def command(self, *, hold: float | None = None, patience: float = 2.0, take_over: bool = False) -> Tip:
+        """Acquires the device's lease, for use in a `with` statement.
+
+        hold: for how many seconds a command lasts without a newer one (0.010). patience: for how long
+        to wait while another client holds the lease. take_over: takes the lease away from its holder,
+        as an operator may. The lease is kept only while this program runs: not beyond `stall` seconds
+        without any use of the device.
+        """
+        if hold is not None and hold != self._hold:
+            target = self.core.target
+            self._hold = hold
+            self._core = _core.Device(self._node.core, target, hold, 0.0, 0.5)
+        return Tip(self, patience, take_over)
+
+    def stop(self, scope: str = "device") -> None:
+        """Stops the device at once, all of its server ("server"), or the whole laboratory ("system")."""
+        scopes = ("device", "server", "system")
+        if scope not in scopes:
+            raise ValueError(f"scope takes 'device', 'server' or 'system', not {scope!r}")
+        self.core.emergency_stop(scopes.index(scope))
+
+    def close(self) -> None:
+        """Closes the device."""
+        self._core = None
+
+    def __enter__(self) -> Device:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        state = "closed" if self._core is None else self._core.target
+        return f"<rtpm.Device {state}: {self._description.model}>"
+
+
+class Tip:
+    """The commanded end of a device. Ends with its `with` statement, and then leaves no force behind."""
+
+    def __init__(self, device: Device, patience: float, take_over: bool) -> None:
+        self._device = device
+        self._core = device.core
+        self._types = _types()
+        self._servo: Servo | None = None
+        self._force = self._types["Vector3"]()
+        self._torque = self._types["Vector3"]()
+        if take_over:
+            self._core.take_over()
+        else:
+            self._core.acquire(patience)
+
+    @property
+    def force(self) -> Any:
+        """The force, in newton in the device's frame. Setting it commands it for `hold` seconds."""
+        return self._force
+
+    @force.setter
+    def force(self, value: Vector3Like) -> None:
+        self._force = self._vector("force", value)
+        self._send()
+
+    @property
+    def torque(self) -> Any:
+        """The torque, in newton metre. Setting it commands it, with the force, for `hold` seconds."""
+        return self._torque
+
+    @torque.setter
+    def torque(self, value: Vector3Like) -> None:
+        self._torque = self._vector("torque", value)
+        self._send()
+
+    def send(self, command: Any) -> None:
+        """Commands a whole `Command`: pose, velocity, joints or outputs by its mode."""
+        if not isinstance(command, self._types["Command"]):
+            raise TypeError(f"send takes a Command, not {type(command).__name__}")
+        self._core.command(bytes(command), None)
+
+    def loop(self, rate: float = 1000.0, *, pause_gc: bool = False) -> Iterator[Any]:
+        """Yields the newest sample `rate` times a second; late cycles are skipped, counted, and reported at the end.
+
+        Python's threads share one lock, so that a computing thread delays such a loop by milliseconds:
+        render() does not know that. pause_gc: holds back garbage collection during the loop, and lets
+        threads change more often.
+        """
+        pacer = _core.Pacer(rate)
+        interval = sys.getswitchinterval()
+        if pause_gc:
+            gc.freeze()
+            gc.disable()
+            sys.setswitchinterval(min(interval, 0.0005))
+        try:
+            while True:
+                yield _sample(self._core.read(None))
+                pacer.wait()
+        finally:
+            if pause_gc:
+                sys.setswitchinterval(interval)
+                gc.enable()
+                gc.unfreeze()
+            figures = pacer.figures()
+            if figures["late"]:
+                _log.warning(
+                    "%s: %g Hz loop: %d cycles, %d skipped because Python was late, at worst by %.1f ms; "
+                    "tip.render() keeps its rate",
+                    self._core.target,
+                    rate,
+                    figures["cycles"],
+                    figures["late"],
+                    figures["worst_s"] * 1e3,
+                )
+
+    def render(self, *models: Model, rate: float = 1000.0, priority: int = 24000) -> Servo:
+        """Renders models by a native loop in this program, at `rate`, whatever Python does meanwhile."""
+        if self._servo is not None:
+            self._servo.stop()
+        self._servo = Servo(self._device, self._core, models, rate, priority)
+        return self._servo
+
+    def set_models(self, *models: Model) -> None:
+        """Renders models in the device's own loop, which no network delays. They replace earlier ones."""
+        self._core.set_models(_models(models))
+
+    def recover(self) -> None:
+        """Clears a latched fault, such as a command that was not finite."""
+        self._core.recover()
+
+    def rearm(self) -> None:
+        """Ends an emergency stop."""
+        self._core.rearm()
+
+    def release(self) -> None:
+        """Takes the force away and releases the lease."""
+        if self._servo is not None:
+            self._servo.stop()
+            self._servo = None
+        self._core.release()
+
+    def __enter__(self) -> Tip:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self.release()
+        except (errors.DeviceError, errors.CallError):
+            # The lease has ended already, or ends with the silence; the body's own error matters more.
+            if error is None and kind is None:
+                _log.warning("%s: the lease could not be released", self._core.target, exc_info=True)
+
+    def _vector(self, name: str, value: Vector3Like) -> Any:
+        vector = self._types["Vector3"]
+        if isinstance(value, vector):
+            return value
+        try:
+            return vector(*value)
+        except TypeError:
+            raise TypeError(f"{name} takes three numbers, not {type(value).__name__}") from None
+
+    def _send(self) -> None:
+        self._core.set_wrench([*self._force, *self._torque], None)
+
+
+class Servo:
+    """Models that a native loop renders. It stops with its tip, or by stop()."""
+
+    def __init__(self, device: Device, core: _core.Device, models: Iterable[Model], rate: float, priority: int) -> None:
+        self._device = device
+        self._target = core.target
+        self._rate = rate
+        models = tuple(models)
+        self._check(models)
+        self._core = _core.Servo(core, rate, priority, _models(models))
+        self._ended = threading.Event()
+        # Proves that the interpreter runs: without it the native loop takes the force away.
+        self._pulse = threading.Thread(target=self._beat, args=(core,), name="rtpm-pulse", daemon=True)
+        self._pulse.start()
+
+    def set(self, *models: Model) -> None:
+        """Renders other models from the next cycle on."""
+        self._check(models)
+        self._core.set(_models(models))
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it commands; it ends when the lease is lost."""
+        return self._core.is_running
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Cycles so far: how many, late, failed, paused, and the worst delay in seconds."""
+        return self._core.figures()
+
+    def stop(self) -> None:
+        """Ends the loop."""
+        self._ended.set()
+        self._core.stop()
+
+    def _beat(self, core: _core.Device) -> None:
+        while not self._ended.wait(0.1):
+            core.see()
+
+    def _check(self, models: Iterable[Model]) -> None:
+        """Refuses walls that a loop of this rate can't render stably."""
+        damping = self._device.description.damping_newton_s_per_m
+        if not damping:
+            return
+        # A position is a period old when its force acts, which then lasts for another: on average 1.5.
+        highest = damping / (1.5 / self._rate)
+        for model in models:
+            stiffness = getattr(model, "stiffness_newton_per_m", 0.0)
+            if math.isfinite(stiffness) and stiffness > highest:
+                raise errors.BadCommand(
+                    f"{self._target}: a {self._rate:g} Hz loop renders up to {highest:.0f} N/m here, not {stiffness:g}; "
+                    "tip.set_models() renders in the device's own loop"
+                )
+
+
+def device(
+    target: str, *, node: Node | None = None, hold: float = 0.010, patience: float = 0.0, stall: float = 0.5
+) -> Device:
+    """Opens the device at `target`, a name such as "lab/arm0" or a URL."""
+    return Device(target, node=node, hold=hold, patience=patience, stall=stall)
+
+
+def model_types() -> dict[str, Any]:
+    """The classes of local models, by name; also `Wall`, another name of `Plane`."""
+    types = _types()
+    return {name: types[name] for name in MODELS} | {"Wall": types["Plane"]}

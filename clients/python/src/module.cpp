@@ -1,0 +1,16 @@
+#include <nanobind/nanobind.h>
+
+#include "calls.hpp"
+#include "devices.hpp"
+#include "node.hpp"
+#include "schema.hpp"
+
+NB_MODULE(_core, module) {
+  // Classes and descriptors live until the program ends.
+  nanobind::set_leak_warnings(false);
+  module.attr("version") = RTPM_VERSION;
+  rtpm::python::define_schema(module);
+  rtpm::python::define_node(module);
+  rtpm::python::define_calls(module);
+  rtpm::python::define_devices(module);
+}

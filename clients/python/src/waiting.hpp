@@ -1,0 +1,67 @@
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "rtpm/base/time.hpp"
+
+/// Waits that signals, such as Ctrl-C, end.
+namespace rtpm::python {
+
+/// How long a wait lasts before it checks the signals.
+inline constexpr Duration kSlice = std::chrono::milliseconds{50};
+
+/// Runs the interpreter's signal handlers.
+/// @errors raises the handler's exception
+inline void check_signals() {
+  if (PyErr_CheckSignals() != 0) throw nanobind::python_error();
+}
+
+/// Calls `is_done` without the GIL until it returns true, and checks the signals in between.
+/// `is_done` waits at most kSlice.
+/// @errors raises the handler's exception
+template <class Function>
+void wait_in_slices(const Function& is_done) {
+  while (true) {
+    {
+      const nanobind::gil_scoped_release release;
+      if (is_done()) return;
+    }
+    check_signals();
+  }
+}
+
+/// The result of `work`, which runs on a thread of its own: for set-up that waits for others.
+/// `work` owns all that it uses, because it goes on alone if a signal ends the wait.
+/// @errors raises the handler's exception
+template <class T>
+T interruptible(std::function<T()> work) {
+  struct State {
+    std::mutex mutex{};
+    std::condition_variable changed{};
+    std::optional<T> result{};
+  };
+  const auto state = std::make_shared<State>();
+  std::thread([state, work = std::move(work)]() mutable {
+    auto result = work();
+    work = nullptr;
+    const std::lock_guard lock(state->mutex);
+    state->result.emplace(std::move(result));
+    state->changed.notify_one();
+  }).detach();
+  wait_in_slices([&] {
+    std::unique_lock lock(state->mutex);
+    return state->changed.wait_for(lock, kSlice, [&] { return state->result.has_value(); });
+  });
+  return *std::move(state->result);
+}
+
+}  // namespace rtpm::python
