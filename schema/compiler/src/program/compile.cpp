@@ -85,6 +85,7 @@ std::optional<Model> read_text(const SourceFile& source, const CompileRequest& r
     return std::nullopt;
   }
   model->source_files = std::move(parsed.source_files);
+  model->included_files = std::move(parsed.included_files);
   texts.emplace_back(source);
   for (const std::string& included : model->source_files) {
     if (included == source.path()) continue;

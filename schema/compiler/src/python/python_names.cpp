@@ -64,7 +64,10 @@ std::string python_type_name(const Model& model, const std::string& qualified_na
 
 std::string python::name_in_module_of(const Model& model, const std::string& qualified_name,
                                       const std::string& file) {
-  return name_among(model, qualified_name, [&](const std::string& other) { return other == file; });
+  const auto found = model.included_files.find(file);
+  return name_among(model, qualified_name, [&](const std::string& other) {
+    return other == file || (found != model.included_files.end() && found->second.contains(other));
+  });
 }
 
 std::string python_module_name(std::string_view file_stem) {

@@ -251,7 +251,8 @@ class StubWriter {
     Documentation lines = enumeration.documentation;
     add_paragraph(lines, notes);
     return class_text(python_type_name(model_, enumeration.name),
-                      names_.module("enum") + ".IntEnum", lines, body);
+                      names_.module("enum") + (enumeration.is_bit_flags ? ".IntFlag" : ".IntEnum"),
+                      lines, body);
   }
 
   /// A struct of real numbers only is a vector, with arithmetic.

@@ -11,8 +11,8 @@ namespace rtpm::schema::python {
 /// The text of <stem>_rtpm.pyi: the classes of the file's types, events and services.
 [[nodiscard]] std::string stub(const Model& model, const std::string& compiler_version);
 
-/// The name of a type in the module generated for `file`, which declares it. A clash
-/// there with a type of another file is not seen.
+/// The name of a type in the module generated for `file`, which declares it. That module knows only
+/// the types of `file` and of the files that it includes.
 [[nodiscard]] std::string name_in_module_of(const Model& model, const std::string& qualified_name,
                                             const std::string& file);
 

@@ -99,11 +99,17 @@ ParseResult parse(const SourceFile& source, const CompileRequest& request) {
   parser->Serialize();
   const std::uint8_t* bytes = parser->builder_.GetBufferPointer();
   result.reflection.assign(bytes, bytes + parser->builder_.GetSize());
-  result.declaration_file =
-      flatbuffers::RelativeToRootPath(parser->opts.project_root, source.path());
+  const auto declaration_file = [&](const std::string& path) {
+    return flatbuffers::RelativeToRootPath(parser->opts.project_root, path);
+  };
+  result.declaration_file = declaration_file(source.path());
   result.source_files.push_back(source.path());
   for (const std::string& file : parser->GetIncludedFilesRecursive(source.path())) {
     if (file != source.path()) result.source_files.push_back(file);
+  }
+  for (const std::string& file : result.source_files) {
+    for (const std::string& included : parser->GetIncludedFilesRecursive(file))
+      result.included_files[declaration_file(file)].insert(declaration_file(included));
   }
   return result;
 }

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -15,6 +17,7 @@ struct ParseResult {
   std::vector<std::uint8_t> reflection{};   ///< A serialized reflection::Schema.
   std::string declaration_file{};           ///< The file's name in the reflection.
   std::vector<std::string> source_files{};  ///< The file and all included files.
+  std::map<std::string, std::set<std::string>> included_files{};  ///< As in Model.
   std::optional<Diagnostic> error{};
 };
 

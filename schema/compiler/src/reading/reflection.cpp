@@ -3,6 +3,7 @@
 #include <flatbuffers/reflection_generated.h>
 
 #include <algorithm>
+#include <string_view>
 #include <unordered_map>
 #include <utility>
 
@@ -100,9 +101,15 @@ Object read_object(const reflection::Object& object) {
   return result;
 }
 
+bool has_attribute(const reflection::Enum& enumeration, std::string_view name) {
+  const std::vector<Attribute> attributes = read_attributes(enumeration.attributes());
+  return std::ranges::any_of(attributes, [&](const Attribute& each) { return each.name == name; });
+}
+
 Enum read_enum(const reflection::Enum& enumeration) {
   Enum result{.name = to_text(enumeration.name()),
               .is_union = enumeration.is_union(),
+              .is_bit_flags = has_attribute(enumeration, "bit_flags"),
               .underlying = read_type(enumeration.underlying_type()).base,
               .values = {},
               .documentation = read_documentation(enumeration.documentation()),

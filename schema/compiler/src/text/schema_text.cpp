@@ -1,5 +1,6 @@
 #include "rtpm/schema/schema_text.hpp"
 
+#include <bit>
 #include <set>
 #include <string>
 #include <vector>
@@ -173,7 +174,8 @@ class TextWriter {
     text_ += comment(enumeration.documentation, "") + (enumeration.is_union ? "union " : "enum ") +
              short_name(enumeration.name);
     if (!enumeration.is_union) {
-      text_ += " : " + std::string(spelling_of(enumeration.underlying));
+      text_ += " : " + std::string(spelling_of(enumeration.underlying)) +
+               AttributeList().flag(enumeration.is_bit_flags, "bit_flags").str();
     }
     text_ += " {\n";
     for (const EnumValue& value : enumeration.values) {
@@ -186,10 +188,12 @@ class TextWriter {
     text_ += "}\n";
   }
 
+  /// A value's number as a schema has it: of flags, the position of the bit.
   static std::string number_of(const Enum& enumeration, const EnumValue& value) {
-    return enumeration.underlying == BaseType::kUint64
-               ? std::to_string(static_cast<std::uint64_t>(value.value))
-               : std::to_string(value.value);
+    const auto bits = static_cast<std::uint64_t>(value.value);
+    if (enumeration.is_bit_flags) return std::to_string(std::countr_zero(bits));
+    return enumeration.underlying == BaseType::kUint64 ? std::to_string(bits)
+                                                       : std::to_string(value.value);
   }
 
   void write_service(const Service& service) {

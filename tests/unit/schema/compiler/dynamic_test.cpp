@@ -326,6 +326,19 @@ TEST(Dynamic, ConvertsUnionsAndOptionalsBothWays) {
   test::expect_text(*text, {"\"maybe\": 0", "\"shape_type\": \"Sphere\"", "{\"radius_m\": 0.5}"});
 }
 
+TEST(Dynamic, ConvertsSumsOfFlagsBothWays) {
+  const Model model = test::model_of(
+      "include \"rtpm.fbs\"; enum Axes : ubyte (bit_flags) { X, Y, Z }\n"
+      "table Move { axes:Axes; }\nrpc_service Arm { move(Move):Move (rtpm_id: 1); }\n");
+  std::string error;
+  const auto arm = Dynamic::make(schema_text(model, model.services.front()), "Arm", error);
+  ASSERT_TRUE(arm) << error;
+  const Payload& payload = arm->find("move")->request;
+  const auto bytes = arm->encode(payload, "{axes: \"X Z\"}", error);
+  ASSERT_TRUE(bytes) << error;
+  EXPECT_EQ(arm->decode(payload, *bytes), "{\"axes\": \"X Z\"}");
+}
+
 // Tools that know only FlatBuffers use this format: the root is always the table.
 TEST(DynamicTables, RoundTripToTheirPayloads) {
   std::size_t count = 0;

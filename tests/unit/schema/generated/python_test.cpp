@@ -73,16 +73,16 @@ TEST(SchemaText, OfAWholeSchemaHasTheSameFingerprints) {
 
 constexpr const char* kFlags =
     "namespace lab;\n"
-    "/// The axes.\nenum Axes : ulong {\n  X,\n  /// up\n  Y,\n  Last = 9223372036854775808\n}\n"
+    "/// The axes.\nenum Axes : ulong (bit_flags) {\n  X,\n  /// up\n  Y,\n  Last = 63\n}\n"
     "enum Large : ulong { Least, Most = 18446744073709551615 }\n"
-    "table Move { axes:Axes = Y; large:Large; maybe:Axes = null; }\n";
+    "table Move { axes:Axes = \"X Y\"; large:Large; maybe:Axes = null; }\n";
 
-TEST(SchemaText, KeepsLargeValues) {
+TEST(SchemaText, KeepsFlagsAndLargeValues) {
   const Model model = test::model_of(kFlags);
   const Model again = recompiled(model);
   EXPECT_EQ(schema_text(again), schema_text(model));
   expect_text(schema_text(model),
-              {"enum Axes : uint64 {", "Last = 9223372036854775808,", "axes:lab.Axes = 1"});
+              {"enum Axes : uint64 (bit_flags) {", "Last = 63,", "axes:lab.Axes = 3"});
 }
 
 TEST(PythonNames, EscapeWhatPythonReserves) {
@@ -97,11 +97,11 @@ TEST(PythonNames, EscapeWhatPythonReserves) {
   EXPECT_EQ(python_module_name("2d"), "_2d_rtpm");
 }
 
-TEST(PythonStub, HasNotesAndLargeValues) {
+TEST(PythonStub, HasFlagsAndNotes) {
   expect_text(
       stub_of(test::model_of(kFlags)),
-      {"import enum", "class Axes(enum.IntEnum):\n    \"\"\"The axes.\n\n    Y: up\n    \"\"\"\n",
-       "    X = 0\n    Y = 1\n    Last = 9223372036854775808\n",
+      {"import enum", "class Axes(enum.IntFlag):\n    \"\"\"The axes.\n\n    Y: up\n    \"\"\"\n",
+       "    X = 1\n    Y = 2\n    Last = 9223372036854775808\n",
        "class Large(enum.IntEnum):\n    Least = 0\n    Most = 18446744073709551615\n",
        "    axes: Axes\n", "    maybe: Axes | None\n"});
 }
@@ -133,16 +133,18 @@ TEST(PythonStub, NamesTypesThatMembersHide) {
 TEST(PythonStub, ImportsTypesOfIncludedFiles) {
   const ScratchFolder folder;
   folder.write("units.fbs", "namespace units; struct Vec { x:double; } struct Metre { x:double; }");
-  folder.write("both.fbs", "namespace both; struct Vec { x:float; }");
+  folder.write("both.fbs", "include \"units.fbs\"; namespace both; struct Vec { x:float; }");
   const std::string file =
       folder.write("arm.fbs",
                    "include \"units.fbs\"; include \"both.fbs\"; namespace arm;\n"
                    "table Move { a:units.Vec; b:both.Vec; c:units.Metre; }\n");
   expect_text(stub_of(compiled(file)),
-              {"\nfrom .both_rtpm import Vec as both_Vec\n"
+              {"\nfrom .both_rtpm import both_Vec as both_Vec\n"
                "from .units_rtpm import Metre as Metre\n"
                "from .units_rtpm import Vec as units_Vec\n\nclass Move(rtpm.Table):",
                "    a: units_Vec | None\n    b: both_Vec | None\n    c: Metre | None\n"});
+  expect_text(stub_of(compiled((folder.path() / "both.fbs").string())),
+              {"from .units_rtpm import Vec as units_Vec\n\nclass both_Vec(rtpm.Vector):"});
 }
 
 TEST(PythonStub, EscapesComments) {

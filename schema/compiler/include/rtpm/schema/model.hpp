@@ -2,7 +2,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -110,6 +112,7 @@ struct EnumValue {
 struct Enum {
   std::string name{};  ///< Fully qualified, with dots.
   bool is_union = false;
+  bool is_bit_flags = false;  ///< `bit_flags`: a value may be a sum of the values here.
   BaseType underlying = BaseType::kNone;
   std::vector<EnumValue> values{};  ///< Ordered by value.
   Documentation documentation{};
@@ -201,6 +204,9 @@ struct Model {
   std::uint64_t feature_bits = 0;  ///< FlatBuffers' `advanced_features`.
   /// The file and its included files, with the paths where they were found.
   std::vector<std::string> source_files{};
+  /// For each file that includes others, by declaration_file: all of them. Empty in a model from a
+  /// .bfbs.
+  std::map<std::string, std::set<std::string>> included_files{};
 };
 
 /// The last component of a name: "Arm" for "lab.Arm".
