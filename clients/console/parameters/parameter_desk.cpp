@@ -146,7 +146,7 @@ void ParameterDesk::get(Client& client, const foxglove::GetParameters& request) 
 void ParameterDesk::set(Client& client, const foxglove::SetParameters& request) {
   const std::uint64_t id = client.connection->id();
   if (!client.connection->may_command()) {
-    clients_.send_status(id, foxglove::StatusLevel::kError, kReadOnly);
+    clients_.send_status(id, foxglove::StatusLevel::kError, client.connection->refusal());
     std::vector<std::string> names;
     for (const foxglove::ParameterRequest& one : request.parameters)
       names.push_back(one.name);

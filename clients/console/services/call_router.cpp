@@ -97,7 +97,7 @@ void CallRouter::call(Client& client, const foxglove::ServiceCall& call) {
     clients_.send(pending.connection_id,
                   foxglove::service_call_failure(call.service_id, call.call_id, why));
   };
-  if (!client.connection->may_command()) return refuse(kReadOnly);
+  if (!client.connection->may_command()) return refuse(client.connection->refusal());
   const auto service = services_.find(call.service_id);
   if (service == services_.end()) {
     return refuse("there is no service " + std::to_string(call.service_id));

@@ -10,9 +10,11 @@
 
 namespace rtpm::console {
 
-/// The refusal of a command from a client without the token.
-inline constexpr std::string_view kReadOnly =
+/// Why a client may not command.
+inline constexpr std::string_view kNoToken =
     "read-only: open the URL with the token that rtpm-console printed";
+inline constexpr std::string_view kReadOnly =
+    "read-only: this console was started with --read-only";
 
 /// Why a connection is closed; the numbers are those of RFC 6455.
 enum class CloseCode : std::uint16_t {
@@ -34,7 +36,9 @@ class Connection {
   /// Counts from 1; never repeats.
   [[nodiscard]] virtual std::uint64_t id() const noexcept = 0;
   /// Whether the client may command: it presented the token, and the server is not read-only.
-  [[nodiscard]] virtual bool may_command() const noexcept = 0;
+  [[nodiscard]] bool may_command() const noexcept { return refusal().empty(); }
+  /// The refusal of its commands; empty if it may command.
+  [[nodiscard]] virtual std::string_view refusal() const noexcept = 0;
   /// Whether the client presented a wrong token.
   [[nodiscard]] virtual bool has_wrong_token() const noexcept = 0;
   /// How many messages were dropped because the client reads too slowly.

@@ -169,7 +169,10 @@ class WebSocketSession final : public Connection,
   void leave() { close(CloseCode::kGoingAway, "rtpm-console ends"); }
 
   std::uint64_t id() const noexcept override { return id_; }
-  bool may_command() const noexcept override { return has_token_ && !server_.config.is_read_only; }
+  std::string_view refusal() const noexcept override {
+    if (server_.config.is_read_only) return kReadOnly;
+    return has_token_ ? std::string_view() : kNoToken;
+  }
   bool has_wrong_token() const noexcept override { return has_wrong_token_; }
   std::uint64_t dropped_count() const noexcept override { return queue_.dropped_count(); }
 

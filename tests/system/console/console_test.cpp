@@ -337,7 +337,8 @@ TEST_F(Consoles, GiveReadOnlyAccessWithoutTheToken) {
     EXPECT_NE(observer.await_parameters("no")["lab/arm0.safety.ramp_s"], 0.013);
     bool is_told = false;
     for (const Json& status : observer.statuses())
-      is_told = is_told || status["message"].get<std::string>().starts_with("read-only");
+      is_told =
+          is_told || status["message"].get<std::string>().starts_with("read-only: open the URL");
     EXPECT_TRUE(is_told);
     observer.subscribe("console/state");
     const Json state =
@@ -355,6 +356,14 @@ TEST_F(Consoles, RefuseEveryCommandWhenReadOnly) {
   ConsoleClient client(console->port, "/");
   ASSERT_TRUE(client.await_channel("console/state"));
   EXPECT_EQ(client.info()["metadata"]["rtpm.access"], "observe");
+  client.send(
+      {{"op", "setParameters"},
+       {"parameters", Json::array({{{"name", "lab/arm0.safety.ramp_s"}, {"value", 0.013}}})},
+       {"id", "no"}});
+  static_cast<void>(client.await_parameters("no"));
+  ASSERT_FALSE(client.statuses().empty());
+  EXPECT_NE(client.statuses().back()["message"].get<std::string>().find("--read-only"),
+            std::string::npos);
 }
 
 TEST_F(Consoles, ShowTheLogOfAFilter) {
