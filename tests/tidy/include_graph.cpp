@@ -93,6 +93,10 @@ const std::vector<Part>& parts() {
       {"clients/mqtt/",
        "",
        {"base", "rt", "transport", "rpc", "program", "options", "names", "events"}},
+      {"clients/python/",
+       "",
+       {"base", "wire", "rt", "rpc", "predicate", "names", "introspection", "dynamic", "events",
+        "recording", "schema", "driver", "models", "gvd", "capture"}},
       {"clients/rtpm/", "", {"base",          "wire",          "rt",        "transport", "rpc",
                              "program",       "options",       "predicate", "discovery", "names",
                              "introspection", "dynamic",       "events",    "recording", "schema",
@@ -136,7 +140,9 @@ struct Foreign {
 
 const std::vector<Foreign>& foreigners() {
   static const std::vector<Foreign> kForeigners{
-      {std::regex("flatbuffers/.*"), "FlatBuffers", {"schema/", "runtime/rpc/"}},
+      {std::regex("flatbuffers/.*"),
+       "FlatBuffers",
+       {"schema/", "runtime/rpc/", "clients/python/src/"}},
       {std::regex("Eigen/.*"), "Eigen", {"devices/falcon/", "devices/sim/"}},
       {std::regex("nlohmann/.*"),
        "nlohmann/json",
@@ -158,6 +164,7 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("toml.*"), "toml++", {"clients/rtpm/laboratory/", "runtime/options/src/"}},
       {std::regex("n?curses.*"), "ncurses", {"clients/rtpm/host/"}},
       {std::regex("boost/.*"), "Boost", {"clients/console/web/"}},
+      {std::regex("nanobind/.*"), "nanobind", {"clients/python/src/"}},
       // program has the signals and streams that every program shares, options the environment;
       // driver_host loads plug-ins; the devices are drivers of hardware and a program that
       // devices/mpv starts; rtpm looks at terminals, files and this host; the console names the

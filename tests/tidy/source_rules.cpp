@@ -182,6 +182,7 @@ const std::vector<Exemption>& exemptions() {
       {"function", "gvd/service/src/stop/stop_round.hpp",
        "of callers outside of a device's server"},
       {"stderr", "clients/rtpm/cli/context.cpp", "errors in JSON, escaped"},
+      {"throw", "clients/python/src/errors.cpp", "how a Python exception is raised"},
       {"throw", "clients/rtpm/cli/command.cpp", "how CLI11 is told of a wrong value"},
       {"throw", "tests/system/plugins/stubborn.cpp", "a plug-in that misbehaves"},
       {"throw", "tests/unit/driver_host/plugins/plugin.cpp", "a plug-in that misbehaves"},

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ._core import version as __version__
-from .calls import Client, Node, Stream, connect, many
-from .devices import Device, Tip, device
+from .calls import AsyncClient, AsyncStream, Client, Node, Stream, close, connect, many, transport_of, url_of
+from .devices import Device, Servo, Tip, device
 from .errors import (
     BadCommand,
     BadReply,
@@ -43,15 +43,105 @@ from .errors import (
     WrongBand,
     WrongInterface,
 )
-from .values import Event, Struct, Table, Vector
+from .servants import Refusal, Servant, Server, serve
+from .values import Buffer, Event, Struct, Table, Vector, replace
 
+# After values and calls, which it is made with.
+from .idl.device_rtpm import (  # isort: skip
+    AffineField,
+    Box,
+    Command,
+    CommandMode,
+    Description,
+    Detents,
+    DialDetents,
+    Friction,
+    Plane,
+    Quaternion,
+    Sample,
+    Side,
+    Sphere,
+    Spring,
+    Vector3,
+)
 
-def __getattr__(name: str) -> object:
-    """The models' classes, made from the device schema when they are first needed."""
-    from .devices import model_types
+Wall = Plane
 
-    types = {} if name.startswith("_") else model_types()
-    if name not in types:
-        raise AttributeError(f"module 'rtpm' has no attribute '{name}'")
-    globals().update(types)
-    return types[name]
+__all__ = [
+    "AffineField",
+    "AsyncClient",
+    "AsyncStream",
+    "BadCommand",
+    "BadReply",
+    "BadRequest",
+    "Box",
+    "Buffer",
+    "CallError",
+    "Cancelled",
+    "Client",
+    "Command",
+    "CommandMode",
+    "Description",
+    "Detents",
+    "Device",
+    "DeviceError",
+    "DialDetents",
+    "Disconnected",
+    "EmergencyStopped",
+    "Error",
+    "Event",
+    "Expired",
+    "ForkedError",
+    "Friction",
+    "LeaseHeld",
+    "LeaseLost",
+    "MaybeLost",
+    "NameNotFound",
+    "NoChannel",
+    "NoResources",
+    "NoSuchMethod",
+    "NoSuchObject",
+    "Node",
+    "NotActive",
+    "NotAllowed",
+    "NotLeaseHolder",
+    "Overload",
+    "PeerRestarted",
+    "Plane",
+    "PriorityNotAllowed",
+    "Quaternion",
+    "Refusal",
+    "Refused",
+    "Sample",
+    "Servant",
+    "ServantFailed",
+    "Server",
+    "Servo",
+    "SetupError",
+    "Side",
+    "Sphere",
+    "Spring",
+    "Stopped",
+    "Stream",
+    "StreamLost",
+    "Struct",
+    "Table",
+    "Timeout",
+    "Tip",
+    "TooLarge",
+    "Unreachable",
+    "Vector",
+    "Vector3",
+    "VersionUnsupported",
+    "Wall",
+    "WrongBand",
+    "WrongInterface",
+    "close",
+    "connect",
+    "device",
+    "many",
+    "replace",
+    "serve",
+    "transport_of",
+    "url_of",
+]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
-from . import _core, errors, values
+from . import _core, errors
 
 if TYPE_CHECKING:
     from .schemas import Schema
@@ -82,7 +82,7 @@ def default_node() -> Node:
 
 
 class Client:
-    """An object of a server. Its class has one method per method of the service."""
+    """An object of a server. Its class has one method per method of the service, and no others."""
 
     _rtpm_schema_: ClassVar[Any] = None
     _rtpm_service_: ClassVar[int] = 0
@@ -91,32 +91,17 @@ class Client:
         """Binds the object at `target`, a name or a URL, within `deadline` seconds (1)."""
         if self._rtpm_schema_ is None:
             raise TypeError("rtpm.Client is a base class; use a generated one, or rtpm.connect(target)")
-        self._node = node or default_node()
-        self._binding: _core.Binding | None = _core.Binding(
-            self._node.core, self._rtpm_schema_.core, self._rtpm_service_, target, deadline
+        self._rtpm_node_ = node or default_node()
+        self._rtpm_bound_: _core.Binding | None = _core.Binding(
+            self._rtpm_node_.core, self._rtpm_schema_.core, self._rtpm_service_, target, deadline
         )
 
     @property
-    def binding(self) -> _core.Binding:
-        """The extension's binding."""
-        self._node.core  # Raises in a forked process.
-        if self._binding is None:
+    def _rtpm_binding_(self) -> _core.Binding:
+        self._rtpm_node_.core  # Raises in a forked process.
+        if self._rtpm_bound_ is None:
             raise errors.Error("this client is closed")
-        return self._binding
-
-    @property
-    def url(self) -> str:
-        """The URL that calls go to now."""
-        return self.binding.url
-
-    @property
-    def transport(self) -> str:
-        """How calls go: "local", "shm", "udp" or "tcp"."""
-        return self.binding.transport
-
-    def close(self) -> None:
-        """Ends the client; further calls fail."""
-        self._binding = None
+        return self._rtpm_bound_
 
     def __enter__(self: _C) -> _C:
         return self
@@ -124,11 +109,34 @@ class Client:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        close(self)
 
     def __repr__(self) -> str:
-        target = "closed" if self._binding is None else self._binding.target
+        target = "closed" if self._rtpm_bound_ is None else self._rtpm_bound_.target
         return f"<{type(self).__name__} {target}>"
+
+
+class AsyncClient:
+    """An object of a server, for asyncio. Not there yet: its methods can't be called."""
+
+
+class AsyncStream(Generic[_Item]):
+    """The items that answer an asynchronous call. Not there yet."""
+
+
+def close(client: Client) -> None:
+    """Ends a client; further calls fail. A `with` statement does it, too."""
+    client._rtpm_bound_ = None
+
+
+def url_of(client: Client) -> str:
+    """The URL that a client's calls go to now."""
+    return client._rtpm_binding_.url
+
+
+def transport_of(client: Client) -> str:
+    """How a client's calls go: "local", "shm", "udp" or "tcp"."""
+    return client._rtpm_binding_.transport
 
 
 class Stream(Generic[_Item]):
@@ -172,7 +180,7 @@ def many(
     index = getattr(method, "_rtpm_index_", None)
     if not isinstance(client, Client) or index is None:
         raise TypeError("rtpm.many takes a method of a client, such as rtpm.many(arm.get_force, requests)")
-    return client.binding.call_many(index, requests, priority, deadline)
+    return client._rtpm_binding_.call_many(index, requests, priority, deadline)
 
 
 def _signature(method: dict[str, Any], schema: Schema) -> str:
@@ -198,12 +206,12 @@ def _method(schema: Schema, index: int, method: dict[str, Any], owner: str) -> A
     if method["is_stream"]:
 
         def call(self: Any, request: Any, priority: Any, deadline: Any) -> Any:
-            return Stream(self.binding.open_stream(index, request, priority, deadline, 16))
+            return Stream(self._rtpm_binding_.open_stream(index, request, priority, deadline, 16))
 
     else:
 
         def call(self: Any, request: Any, priority: Any, deadline: Any) -> Any:
-            return self.binding.call(index, request, priority, deadline)
+            return self._rtpm_binding_.call(index, request, priority, deadline)
 
     function: Any
     if method["request"] is None:
@@ -220,7 +228,7 @@ def _method(schema: Schema, index: int, method: dict[str, Any], owner: str) -> A
             return call(self, request, priority, deadline)
 
         function = with_request
-    name = values.python_name(method["name"])
+    name = method["attribute"]
     function.__name__ = name
     function.__qualname__ = f"{owner}.{name}"
     function.__doc__ = f"{name}{_signature(method, schema)}\n\n{_documentation(method)}".strip()
@@ -231,7 +239,7 @@ def _method(schema: Schema, index: int, method: dict[str, Any], owner: str) -> A
 def client_class(schema: Schema, index: int, module: str) -> type[Client]:
     """The client class of a schema's service."""
     service = schema.layout["services"][index]
-    name = values.short_name(service["name"]) + "Client"
+    name = service["class"] + "Client"
     body: dict[str, Any] = {
         "__module__": module,
         "__doc__": service["doc"].strip() or f"A client of {service['name']}.",
@@ -239,7 +247,7 @@ def client_class(schema: Schema, index: int, module: str) -> type[Client]:
         "_rtpm_service_": index,
     }
     for number, method in enumerate(service["methods"]):
-        body[values.python_name(method["name"])] = _method(schema, number, method, name)
+        body[method["attribute"]] = _method(schema, number, method, name)
     return type(name, (Client,), body)
 
 

@@ -6,7 +6,6 @@ away. So a program that stalls, waits in a debugger or is killed leaves no force
 
 from __future__ import annotations
 
-import functools
 import gc
 import logging
 import math
@@ -14,59 +13,55 @@ import sys
 import threading
 from collections.abc import Iterable, Iterator
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from . import _core, errors, schemas
 from .calls import Node, default_node
-
-if TYPE_CHECKING:
-    from .schemas import Schema
+from .idl import device_rtpm
+from .idl.device_rtpm import (
+    AffineField,
+    Box,
+    Command,
+    Description,
+    Detents,
+    DialDetents,
+    Friction,
+    Plane,
+    Sample,
+    Sphere,
+    Spring,
+    Vector3,
+)
 
 _log = logging.getLogger("rtpm")
 
-#: Device names as a program writes them: a position, three numbers.
-Vector3Like = Any
-#: A local model: rtpm.Wall(…), Sphere, Box, Spring, AffineField, Friction, Detents or DialDetents.
-Model = Any
+#: What a force or position takes: a Vector3, or three numbers.
+Vector3Like = Iterable[float]
+#: A local model; `rtpm.Wall` is a Plane.
+Model = Plane | Sphere | Box | Spring | AffineField | Friction | Detents | DialDetents
 
-
-@functools.cache
-def _schema() -> Schema:
-    return schemas.schema_of(_core.device_schema)
-
-
-@functools.cache
-def _types() -> dict[str, Any]:
-    return _schema().names()
-
-
-def _sample(data: bytes) -> Any:
-    return _types()["Sample"].from_buffer_copy(data)
+#: The models' fields in the schema's Model.
+_MODEL_FIELDS: dict[type, str] = {
+    Plane: "plane",
+    Sphere: "sphere",
+    Box: "box",
+    Spring: "spring",
+    AffineField: "affine_field",
+    Friction: "friction",
+    Detents: "detents",
+    DialDetents: "dial_detents",
+}
 
 
 def _models(models: Iterable[Model]) -> bytes:
-    types = _types()
     wrapped = []
     for model in models:
-        field = MODELS.get(type(model).__name__)
+        field = _MODEL_FIELDS.get(type(model))
         if field is None:
-            raise TypeError(f"a model takes {', '.join(MODELS)}, not {type(model).__name__}")
-        wrapped.append(types["Model"](**{field: model}))
-    request = types["SetModelsRequest"]
-    return _schema().core.encode(_schema().classes.objects.index(request), request(models=wrapped))
-
-
-#: The models' classes, and their fields in the schema's Model.
-MODELS = {
-    "Plane": "plane",
-    "Sphere": "sphere",
-    "Box": "box",
-    "Spring": "spring",
-    "AffineField": "affine_field",
-    "Friction": "friction",
-    "Detents": "detents",
-    "DialDetents": "dial_detents",
-}
+            kinds = ", ".join(kind.__name__ for kind in _MODEL_FIELDS)
+            raise TypeError(f"a model takes {kinds}, not {type(model).__name__}")
+        wrapped.append(device_rtpm.Model(**{field: model}))  # type: ignore[arg-type]
+    return schemas.encode(device_rtpm.SetModelsRequest(models=wrapped))
 
 
 class Device:
@@ -89,8 +84,8 @@ class Device:
         self._node = node or default_node()
         self._hold = hold
         self._core: _core.Device | None = _core.Device(self._node.core, target, hold, patience, stall)
-        with _schema().clients["rtpm.device.Device"](target, node=self._node) as client:
-            self._description = client.describe()  # type: ignore[attr-defined]
+        with device_rtpm.DeviceClient(target, node=self._node) as client:
+            self._description = client.describe()
 
     @property
     def core(self) -> _core.Device:
@@ -101,7 +96,7 @@ class Device:
         return self._core
 
     @property
-    def description(self) -> Any:
+    def description(self) -> Description:
         """The device's own description: axes, limits, workspace, units."""
         return self._description
 
@@ -110,9 +105,9 @@ class Device:
         """The URL that calls go to now."""
         return self.core.url
 
-    def read(self, *, priority: int | None = None) -> Any:
+    def read(self, *, priority: int | None = None) -> Sample:
         """The newest sample."""
-        return _sample(self.core.read(priority))
+        return Sample.from_buffer_copy(self.core.read(priority))
 
     def command(self, *, hold: float | None = None, patience: float = 2.0, take_over: bool = False) -> Tip:
         """Acquires the device's lease, for use in a `with` statement.
@@ -158,17 +153,16 @@ class Tip:
     def __init__(self, device: Device, patience: float, take_over: bool) -> None:
         self._device = device
         self._core = device.core
-        self._types = _types()
         self._servo: Servo | None = None
-        self._force = self._types["Vector3"]()
-        self._torque = self._types["Vector3"]()
+        self._force = Vector3()
+        self._torque = Vector3()
         if take_over:
             self._core.take_over()
         else:
             self._core.acquire(patience)
 
     @property
-    def force(self) -> Any:
+    def force(self) -> Vector3:
         """The force, in newton in the device's frame. Setting it commands it for `hold` seconds."""
         return self._force
 
@@ -178,7 +172,7 @@ class Tip:
         self._send()
 
     @property
-    def torque(self) -> Any:
+    def torque(self) -> Vector3:
         """The torque, in newton metre. Setting it commands it, with the force, for `hold` seconds."""
         return self._torque
 
@@ -187,13 +181,13 @@ class Tip:
         self._torque = self._vector("torque", value)
         self._send()
 
-    def send(self, command: Any) -> None:
+    def send(self, command: Command) -> None:
         """Commands a whole `Command`: pose, velocity, joints or outputs by its mode."""
-        if not isinstance(command, self._types["Command"]):
+        if not isinstance(command, Command):
             raise TypeError(f"send takes a Command, not {type(command).__name__}")
         self._core.command(bytes(command), None)
 
-    def loop(self, rate: float = 1000.0, *, pause_gc: bool = False) -> Iterator[Any]:
+    def loop(self, rate: float = 1000.0, *, pause_gc: bool = False) -> Iterator[Sample]:
         """Yields the newest sample `rate` times a second; late cycles are skipped, counted, and reported at the end.
 
         Python's threads share one lock, so that a computing thread delays such a loop by milliseconds:
@@ -208,7 +202,7 @@ class Tip:
             sys.setswitchinterval(min(interval, 0.0005))
         try:
             while True:
-                yield _sample(self._core.read(None))
+                yield Sample.from_buffer_copy(self._core.read(None))
                 pacer.wait()
         finally:
             if pause_gc:
@@ -266,12 +260,11 @@ class Tip:
             if error is None and kind is None:
                 _log.warning("%s: the lease could not be released", self._core.target, exc_info=True)
 
-    def _vector(self, name: str, value: Vector3Like) -> Any:
-        vector = self._types["Vector3"]
-        if isinstance(value, vector):
+    def _vector(self, name: str, value: Vector3Like) -> Vector3:
+        if isinstance(value, Vector3):
             return value
         try:
-            return vector(*value)
+            return Vector3(*value)
         except TypeError:
             raise TypeError(f"{name} takes three numbers, not {type(value).__name__}") from None
 
@@ -340,8 +333,3 @@ def device(
     """Opens the device at `target`, a name such as "lab/arm0" or a URL."""
     return Device(target, node=node, hold=hold, patience=patience, stall=stall)
 
-
-def model_types() -> dict[str, Any]:
-    """The classes of local models, by name; also `Wall`, another name of `Plane`."""
-    types = _types()
-    return {name: types[name] for name in MODELS} | {"Wall": types["Plane"]}

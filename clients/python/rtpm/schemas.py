@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from . import _core, calls, values
+from . import _core, calls, servants, values
 
 
 class Schema:
@@ -15,26 +15,31 @@ class Schema:
         self.core = _core.Schema(text)
         self.layout: dict[str, Any] = self.core.layout()
         self.classes = values.Classes(self.layout, module)
+        for index, kind in enumerate(self.classes.objects):
+            kind._rtpm_origin_ = (self.core, index)
         self.core.set_classes(self.classes.for_extension(), self.classes.enums)
         #: The client class of each service, by its qualified name.
         self.clients: dict[str, type[calls.Client]] = {}
+        #: The servant class of each service, likewise.
+        self.servants: dict[str, type[servants.Servant]] = {}
         for index, service in enumerate(self.layout["services"]):
             self.clients[service["name"]] = calls.client_class(self, index, module)
+            self.servants[service["name"]] = servants.servant_class(self, index, module)
 
     def names(self) -> dict[str, Any]:
         """All classes by the names that generated modules have for them."""
-        named: list[tuple[str, str, Any]] = [(name, values.short_name(name), kind) for name, kind in self.classes.public()]
-        for name, client in self.clients.items():
-            named.append((name, client.__name__, client))
-        counts: dict[str, int] = {}
-        for _, short, _ in named:
-            counts[short] = counts.get(short, 0) + 1
-        return {
-            values.python_name(short if counts[short] == 1 else name.replace(".", "_")): kind for name, short, kind in named
-        }
+        services = [*self.clients.values(), *self.servants.values()]
+        return dict(self.classes.public()) | {kind.__name__: kind for kind in services}
 
 
 _schemas: dict[str, Schema] = {}
+
+
+def encode(value: values.Struct | values.Table) -> bytes:
+    """The wire bytes of a value of a class that a schema made."""
+    schema, index = type(value)._rtpm_origin_
+    encoded: bytes = schema.encode(index, value)
+    return encoded
 
 
 def schema_of(text: str) -> Schema:

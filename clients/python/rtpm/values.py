@@ -9,14 +9,14 @@ from __future__ import annotations
 import array
 import ctypes
 import enum
-import keyword
 import math
+import sys
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, ClassVar, TypeVar, cast
+from typing import Any, ClassVar, Protocol, TypeVar, cast
 
 from . import errors
 
-__all__ = ["Event", "Struct", "Table", "Vector"]
+__all__ = ["Buffer", "Event", "Struct", "Table", "Vector", "replace"]
 
 # Numbered as schema::BaseType.
 _CTYPES: dict[int, Any] = {
@@ -47,6 +47,13 @@ _CODES = {
     "double": "d",
 }
 
+
+class Buffer(Protocol):
+    """Anything with the buffer protocol, such as bytes, array.array or a numpy array."""
+
+    def __buffer__(self, flags: int, /) -> memoryview: ...
+
+
 _S = TypeVar("_S", bound="Struct")
 _T = TypeVar("_T", bound="Table")
 _V = TypeVar("_V", bound="Vector")
@@ -61,6 +68,7 @@ class Struct(ctypes.Structure):
     __slots__ = ()
     _rtpm_names_: ClassVar[tuple[str, ...]] = ()
     _rtpm_key_: ClassVar[tuple[str, str]] = ("", "")
+    _rtpm_origin_: ClassVar[Any] = None
     __match_args__: ClassVar[tuple[str, ...]] = ()
 
     def __eq__(self, other: object) -> bool:
@@ -77,8 +85,7 @@ class Struct(ctypes.Structure):
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore_struct, (self._rtpm_key_, bytes(self))
 
-    def replace(self: _S, **changes: Any) -> _S:
-        """A copy with some fields changed."""
+    def __replace__(self: _S, **changes: Any) -> _S:
         copy = type(self).from_buffer_copy(bytes(self))
         for name, value in changes.items():
             if name not in self._rtpm_names_:
@@ -150,6 +157,7 @@ class Table:
 
     __slots__ = ()
     _rtpm_key_: ClassVar[tuple[str, str]] = ("", "")
+    _rtpm_origin_: ClassVar[Any] = None
     _rtpm_fields_: ClassVar[dict[str, Callable[[], Any] | None]] = {}
     __match_args__: ClassVar[tuple[str, ...]] = ()
 
@@ -179,8 +187,7 @@ class Table:
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore_table, (self._rtpm_key_, {name: _pickled(getattr(self, name)) for name in self._rtpm_fields_})
 
-    def replace(self: _T, **changes: Any) -> _T:
-        """A copy with some fields changed."""
+    def __replace__(self: _T, **changes: Any) -> _T:
         return type(self)(**({name: getattr(self, name) for name in self._rtpm_fields_} | changes))
 
 
@@ -192,6 +199,14 @@ class Event(Table):
     type_number: ClassVar[int] = 0
     #: The fingerprint of its schema.
     schema_id: ClassVar[int] = 0
+
+
+_Value = TypeVar("_Value", Struct, Table)
+
+
+def replace(value: _Value, /, **changes: Any) -> _Value:
+    """A copy of a struct or table with some fields changed, as copy.replace() makes it."""
+    return value.__replace__(**changes)
 
 
 def _plain(value: Any) -> Any:
@@ -271,22 +286,13 @@ def struct_bytes(kind: type[Struct], values: Any, path: str) -> bytes:
 # ---- making classes -----------------------------------------------------------------------------
 
 
-def python_name(name: str) -> str:
-    """A schema's name as Python allows it: `from` becomes `from_`."""
-    return name + "_" if keyword.iskeyword(name) or name == "self" else name
-
-
-def short_name(name: str) -> str:
-    return name.rpartition(".")[2]
-
-
 def _quantity(field: dict[str, Any]) -> str:
     parts = [field["unit"]] if field["unit"] else []
-    if field["frame"]:
-        parts.append(f"frame {field['frame']}")
     if field["range"]:
         low, high = field["range"]
         parts.append(f"{low:g} to {high:g}")
+    if field["frame"]:
+        parts.append(f"in the frame {field['frame']}")
     return ", ".join(parts)
 
 
@@ -297,7 +303,7 @@ def _documentation(item: dict[str, Any]) -> str:
     for field in item["fields"]:
         texts = [text for text in (" ".join(field["doc"].split()), _quantity(field)) if text]
         if texts:
-            fields.append(f"{python_name(field['name'])}: {'; '.join(texts)}")
+            fields.append(f"{field['attribute']}: {'; '.join(texts)}")
     if fields:
         lines.append("\n".join(fields))
     return "\n\n".join(lines)
@@ -321,33 +327,34 @@ class Classes:
         for kind, item in zip(self.objects, self._layout["objects"], strict=True):
             names: list[str | None] = [None] * len(item["fields"])
             for field in item["fields"]:
-                if not _is_hidden(field):
-                    names[field["id"]] = python_name(field["name"])
+                if not field["is_hidden"]:
+                    names[field["id"]] = field["attribute"]
             result.append((kind, names))
         return result
 
     def public(self) -> Iterable[tuple[str, Any]]:
-        """All classes by their qualified name; unions as their members' types."""
+        """All classes by their names; a union is that of its members' types."""
         for kind, item in zip(self.objects, self._layout["objects"], strict=True):
-            yield item["name"], kind
+            if not item["is_hidden"]:
+                yield item["class"], kind
         for kind, item in zip(self.enums, self._layout["enums"], strict=True):
             if not item["is_union"]:
-                yield item["name"], kind
+                yield item["class"], kind
                 continue
             members = [str if base == _STRING else self.objects[index] for _, _, base, index, _ in item["values"] if base]
             union = members[0]
             for member in members[1:]:
                 union = union | member
-            yield item["name"], union
+            yield item["class"], union
 
     def _enum(self, item: dict[str, Any]) -> Any:
         if item["is_union"]:
             return None
         key = (item["name"], repr([value[:2] for value in item["values"]]) + str(item["base"]))
         if key not in _classes:
-            names = {python_name(name): value for name, value, *_ in item["values"]}
-            make: Any = _Enumeration
-            kind = make(short_name(item["name"]), names, module=self._module)
+            names = {name: value for name, value, *_ in item["values"]}
+            make: Any = _Flags if item["is_bit_flags"] else _Enumeration
+            kind = make(item["class"], names, module=self._module)
             kind.__doc__ = item["doc"].strip() or None
             kind._rtpm_key_ = key
             _classes[key] = kind
@@ -383,7 +390,7 @@ class Classes:
         return ";".join(parts)
 
     def _struct(self, item: dict[str, Any], key: tuple[str, str]) -> Any:
-        names = tuple(python_name(field["name"]) for field in item["fields"])
+        names = tuple(field["attribute"] for field in item["fields"])
         fields: list[tuple[str, Any]] = []
         position = 0
         for name, field in zip(names, item["fields"], strict=True):
@@ -397,7 +404,7 @@ class Classes:
         if item["size"] - position >= natural:
             fields.append((f"_padding_{position}", ctypes.c_uint8 * (item["size"] - position)))
         struct = type(
-            short_name(item["name"]),
+            item["class"],
             (Vector if all(field["base"] in (11, 12) for field in item["fields"]) else Struct,),
             {
                 "__slots__": (),
@@ -407,7 +414,7 @@ class Classes:
                 "_rtpm_names_": names,
                 "_rtpm_key_": key,
                 "_fields_": fields,
-                "__init__": _initializer(short_name(item["name"]), names),
+                "__init__": _initializer(item["class"], names),
             },
         )
         if ctypes.sizeof(struct) != item["size"]:
@@ -416,7 +423,7 @@ class Classes:
             raw = struct.__dict__[name]
             if raw.offset != field["offset"]:
                 raise AssertionError(f"{item['name']}.{name} is at {field['offset']}, but ctypes puts it at {raw.offset}")
-            setattr(struct, name, _checked(item["name"], field, name, raw, self.enums))
+            setattr(struct, name, _checked(item["class"], field, name, raw, self.enums))
         return struct
 
     def _ctype(self, field: dict[str, Any]) -> Any:
@@ -427,8 +434,8 @@ class Classes:
     def _table(self, item: dict[str, Any], key: tuple[str, str]) -> Any:
         fields = {}
         for field in item["fields"]:
-            if not _is_hidden(field):
-                fields[python_name(field["name"])] = self._default(field)
+            if not field["is_hidden"]:
+                fields[field["attribute"]] = self._default(field)
         body: dict[str, Any] = {
             "__slots__": tuple(fields),
             "__module__": self._module,
@@ -438,10 +445,10 @@ class Classes:
             "_rtpm_fields_": fields,
         }
         if item["event"] is None:
-            return type(short_name(item["name"]), (Table,), body)
+            return type(item["class"], (Table,), body)
         body["type_number"] = item["event"]
         body["schema_id"] = item["fingerprint"]
-        return type(short_name(item["name"]), (Event,), body)
+        return type(item["class"], (Event,), body)
 
     def _default(self, field: dict[str, Any]) -> Callable[[], Any] | None:
         """What makes a field's default; None for a required field."""
@@ -480,6 +487,13 @@ class _Enumeration(enum.IntEnum):
         return _restore_enum, (type(self)._rtpm_key_, int(self))  # type: ignore[attr-defined]
 
 
+class _Flags(enum.IntFlag, boundary=enum.KEEP if sys.version_info >= (3, 11) else None):
+    """An enum of bits; a number may be a sum of its values."""
+
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        return _restore_enum, (type(self)._rtpm_key_, int(self))  # type: ignore[attr-defined]
+
+
 def _code(base: int) -> str:
     return {3: "b", 4: "B", 5: "h", 6: "H", 7: "i", 8: "I", 9: "q", 10: "Q", 11: "f", 12: "d"}[base]
 
@@ -488,14 +502,9 @@ def _is_object(field: dict[str, Any]) -> bool:
     return _OBJECT in (field["base"], field["element"] if field["base"] in (_VECTOR, _ARRAY) else 0)
 
 
-def _is_hidden(field: dict[str, Any]) -> bool:
-    """Deprecated fields, and the type fields of unions."""
-    return field["is_deprecated"] or 1 in (field["base"], field["element"] if field["base"] == _VECTOR else 0)
-
-
 def _checked(owner: str, field: dict[str, Any], name: str, raw: Any, enums: list[Any]) -> Any:
     """The property of a struct's field: it checks what it is given, and names the field in its errors."""
-    path = f"{short_name(owner)}.{name}"
+    path = f"{owner}.{name}"
     base = field["base"]
     named: Any = enums[field["index"]] if field["index"] is not None and base <= _DOUBLE else None
 

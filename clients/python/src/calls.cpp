@@ -119,7 +119,7 @@ class Binding {
                                       std::uint32_t window);
 
   std::string url() const {
-    const nb::gil_scoped_release release;
+    const Released released;
     return binding_->url();
   }
   std::string_view transport() const noexcept { return rpc::to_string(binding_->transport()); }
@@ -129,7 +129,7 @@ class Binding {
   nb::tuple ping(std::optional<double> deadline) {
     const rpc::CallOptions options = options_of({}, deadline);
     auto clock = [&] {
-      const nb::gil_scoped_release release;
+      const Released released;
       return binding_->ping(options);
     }();
     if (!clock) raise(clock.error(), "ping", target_);
@@ -152,7 +152,7 @@ class Binding {
   rpc::PendingReply begin(std::size_t index, ConstBytes request, const rpc::CallOptions& options) {
     // A connection that failed may have to be made again, which takes time.
     auto begun = is_quick_ ? start(index, request, options) : [&] {
-      const nb::gil_scoped_release release;
+      const Released released;
       return start(index, request, options);
     }();
     if (!begun) fail(index, begun.error());
@@ -177,7 +177,7 @@ class Binding {
   nb::object send(std::size_t index, ConstBytes request, const rpc::CallOptions& options) {
     const auto delivery = delivery_of(*service_.methods[index].oneway);
     const auto sent = [&] {
-      const nb::gil_scoped_release release;
+      const Released released;
       return binding_->send(interface_.methods[index], request, delivery, options);
     }();
     if (!sent) fail(index, sent.error());
@@ -218,12 +218,12 @@ class Stream {
              rt::now() >= end;
     });
     if (!item) binding_.fail(index_, item.error());
-    if (!*item) throw nb::stop_iteration();
+    if (!*item) raise_stop_iteration();
     return binding_.schema_.codec().decode(binding_.service_.methods[index_].reply, **item);
   }
 
   void cancel() {
-    const nb::gil_scoped_release release;
+    const Released released;
     reader_.cancel();
   }
 
@@ -242,7 +242,7 @@ std::unique_ptr<Stream> Binding::open_stream(std::size_t index, nb::handle reque
   const auto bytes = schema_.codec().encode(method.request, request);
   rpc::StreamOptions options{.call = options_of(priority, deadline), .window = window};
   auto reader = [&] {
-    const nb::gil_scoped_release release;
+    const Released released;
     return binding_->open_stream(interface_.methods[index], bytes, options);
   }();
   if (!reader) fail(index, reader.error());

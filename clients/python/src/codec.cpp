@@ -131,14 +131,14 @@ class Writer {
     nb::object value;
     Offset offset{};
     std::uint8_t union_type = 0;
-    Offset union_types{};  ///< Of a vector of unions.
+    Offset union_types{};  ///< The types of a vector of unions.
   };
 
   nb::handle class_of(std::size_t object) const { return objects_[object][0]; }
 
   void check_class(std::size_t object, nb::handle value, const std::string& field) const {
     const int is_one = PyObject_IsInstance(value.ptr(), class_of(object).ptr());
-    if (is_one < 0) throw nb::python_error();
+    if (is_one < 0) raise_python_error();
     if (is_one == 0) refuse(field, "a " + text_of(class_of(object).attr("__name__")), value);
   }
 
@@ -194,7 +194,7 @@ class Writer {
     if (!PyUnicode_Check(value.ptr())) refuse(path, "a str", value);
     Py_ssize_t size = 0;
     const char* text = PyUnicode_AsUTF8AndSize(value.ptr(), &size);
-    if (text == nullptr) throw nb::python_error();
+    if (text == nullptr) raise_python_error();
     return builder_.CreateString(text, static_cast<std::size_t>(size)).o;
   }
 
@@ -394,7 +394,7 @@ class Reader {
     // Other languages may send text that is no UTF-8.
     PyObject* decoded = PyUnicode_DecodeUTF8(text->c_str(), static_cast<Py_ssize_t>(text->size()),
                                              "backslashreplace");
-    if (decoded == nullptr) throw nb::python_error();
+    if (decoded == nullptr) raise_python_error();
     return nb::steal(decoded);
   }
 
@@ -501,6 +501,10 @@ nb::object Codec::decode(const schema::Payload& payload, ConstBytes bytes) const
     }
   }
   raise(rpc::CallError::kBadReply, {}, {});
+}
+
+std::string Codec::refusal(const schema::Payload& payload, ConstBytes bytes) const {
+  return dynamic_->refusal(payload, bytes);
 }
 
 }  // namespace rtpm::python

@@ -32,6 +32,9 @@ class Codec {
   /// @errors raises BadReply: the bytes do not match the schema
   [[nodiscard]] nanobind::object decode(const schema::Payload& payload, ConstBytes bytes) const;
 
+  /// Why `bytes` are not a request of this type; empty if they are one. Checks `rtpm_range`, too.
+  [[nodiscard]] std::string refusal(const schema::Payload& payload, ConstBytes bytes) const;
+
   /// The class of an object; its wire bytes as an object, for a struct.
   [[nodiscard]] nanobind::object class_of(std::size_t object) const;
   [[nodiscard]] nanobind::object struct_from(std::size_t object, ConstBytes bytes) const;

@@ -57,7 +57,7 @@ const char* name_of(gvd::DeviceOutcome outcome) noexcept {
   const nb::object exception =
       nb::module_::import_("rtpm.errors").attr("of_device")(name_of(error.outcome()), why, target);
   PyErr_SetObject(exception.type().ptr(), exception.ptr());
-  throw nb::python_error();
+  raise_python_error();
 }
 
 void check(const gvd::DeviceResult& result, const std::string& target) {
@@ -110,7 +110,7 @@ nb::bytes read(RemoteDevice& self, std::optional<int> priority) {
   self.see();
   const rpc::CallOptions options = options_of(priority);
   const auto sample = [&] {
-    const nb::gil_scoped_release release;
+    const Released released;
     return self.client().read(options);
   }();
   if (!sample) raise_device(sample.error(), self.target());
@@ -122,7 +122,7 @@ void command(RemoteDevice& self, const driver::Setpoint& setpoint, std::optional
   self.see();
   const rpc::CallOptions options = options_of(priority);
   const auto done = [&] {
-    const nb::gil_scoped_release release;
+    const Released released;
     return self.client().set(setpoint, options);
   }();
   check(done, self.target());
@@ -144,7 +144,7 @@ void acquire(const SharedDevice& self, double patience) {
 
 void release(const SharedDevice& self) {
   {
-    const nb::gil_scoped_release no_gil;
+    const Released released;
     self->stop_keeping();
   }
   set_up(self, [](gvd::DeviceClient& client) { return client.release(); });
@@ -235,7 +235,6 @@ class Pacer {
 }  // namespace
 
 void define_devices(nb::module_& module) {
-  module.attr("device_schema") = std::string(device::DeviceClient::interface().schema);
   nb::class_<RemoteDevice>(module, "Device")
       .def(nb::new_(&open), "node"_a, "target"_a, "hold"_a, "patience"_a, "stall"_a)
       .def_prop_ro("target", &RemoteDevice::target)
@@ -282,7 +281,7 @@ void define_devices(nb::module_& module) {
       .def("set", [](Servo& self, const nb::bytes& models) { self.set(models_of(models)); })
       .def("stop",
            [](Servo& self) {
-             const nb::gil_scoped_release release;
+             const Released released;
              self.stop();
            })
       .def_prop_ro("is_running", &Servo::is_running)

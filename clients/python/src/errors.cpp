@@ -48,6 +48,14 @@ void raise(rpc::CallError error, std::string_view method, std::string_view targe
                                         nb::str(target.data(), target.size())));
 }
 
+void raise_python_error() {
+  throw nb::python_error();
+}
+
+void raise_stop_iteration() {
+  throw nb::stop_iteration();
+}
+
 void raise_type_error(const std::string& text) {
   PyErr_SetString(PyExc_TypeError, text.c_str());
   throw nb::python_error();

@@ -19,6 +19,10 @@ namespace rtpm::python {
 /// see rpc::describe().
 [[noreturn]] void raise(rpc::CallError error, std::string_view method, std::string_view target);
 
+/// Raises the exception that a function of Python has set.
+[[noreturn]] void raise_python_error();
+[[noreturn]] void raise_stop_iteration();
+
 /// Raises a TypeError or ValueError with this text.
 [[noreturn]] void raise_type_error(const std::string& text);
 [[noreturn]] void raise_value_error(const std::string& text);

@@ -4,13 +4,17 @@
 #include "devices.hpp"
 #include "node.hpp"
 #include "schema.hpp"
+#include "servants.hpp"
+#include "waiting.hpp"
 
 NB_MODULE(_core, module) {
   // Classes and descriptors live until the program ends.
   nanobind::set_leak_warnings(false);
   module.attr("version") = RTPM_VERSION;
+  module.def("end_threads", &rtpm::python::end_threads);
   rtpm::python::define_schema(module);
   rtpm::python::define_node(module);
   rtpm::python::define_calls(module);
   rtpm::python::define_devices(module);
+  rtpm::python::define_servants(module);
 }

@@ -7,6 +7,7 @@
 
 #include "errors.hpp"
 #include "rtpm/schema/fingerprint.hpp"
+#include "rtpm/schema/python_names.hpp"
 #include "rtpm/schema/schema_text.hpp"
 
 namespace nb = nanobind;
@@ -45,6 +46,8 @@ nb::object default_of(const schema::Field& field) {
 nb::dict field_layout(const schema::Field& field) {
   nb::dict layout;
   layout["name"] = field.name;
+  layout["attribute"] = schema::python_name(field.name);
+  layout["is_hidden"] = !schema::is_in_python(field);
   layout["base"] = static_cast<int>(field.type.base);
   layout["element"] = static_cast<int>(field.type.element);
   layout["index"] = field.type.index ? nb::object(nb::int_(*field.type.index)) : nb::none();
@@ -54,7 +57,6 @@ nb::dict field_layout(const schema::Field& field) {
   layout["default"] = default_of(field);
   layout["is_required"] = field.is_required;
   layout["is_optional"] = field.is_optional;
-  layout["is_deprecated"] = field.is_deprecated;
   layout["unit"] = field.unit;
   layout["frame"] = field.frame;
   layout["range"] = range_of(field);
@@ -62,12 +64,14 @@ nb::dict field_layout(const schema::Field& field) {
   return layout;
 }
 
-nb::dict object_layout(const schema::Object& object) {
+nb::dict object_layout(const Model& model, const schema::Object& object) {
   nb::list fields;
   for (const schema::Field& field : object.fields)
     fields.append(field_layout(field));
   nb::dict layout;
   layout["name"] = object.name;
+  layout["class"] = schema::python_type_name(model, object.name);
+  layout["is_hidden"] = !schema::is_in_python(object);
   layout["is_struct"] = object.is_struct;
   layout["size"] = object.byte_size;
   layout["event"] = object.event_id ? nb::object(nb::int_(*object.event_id)) : nb::none();
@@ -77,17 +81,20 @@ nb::dict object_layout(const schema::Object& object) {
   return layout;
 }
 
-nb::dict enum_layout(const schema::Enum& type) {
+nb::dict enum_layout(const Model& model, const schema::Enum& type) {
   nb::list values;
   for (const schema::EnumValue& value : type.values) {
     const auto& of = value.union_type;
-    values.append(nb::make_tuple(value.name, value.value, static_cast<int>(of.base),
+    values.append(nb::make_tuple(schema::python_name(value.name), value.value,
+                                 static_cast<int>(of.base),
                                  of.index ? nb::object(nb::int_(*of.index)) : nb::none(),
                                  documentation(value.documentation)));
   }
   nb::dict layout;
   layout["name"] = type.name;
+  layout["class"] = schema::python_type_name(model, type.name);
   layout["is_union"] = type.is_union;
+  layout["is_bit_flags"] = type.is_bit_flags;
   layout["base"] = static_cast<int>(type.underlying);
   layout["values"] = values;
   layout["doc"] = documentation(type.documentation);
@@ -99,11 +106,12 @@ nb::object payload_layout(const schema::Payload& payload) {
   return nb::int_(payload.struct_index.value_or(payload.table));
 }
 
-nb::dict service_layout(const schema::Service& service) {
+nb::dict service_layout(const Model& model, const schema::Service& service) {
   nb::list methods;
   for (const schema::Method& method : service.methods) {
     nb::dict layout;
     layout["name"] = method.name;
+    layout["attribute"] = schema::python_name(method.name);
     layout["request"] = payload_layout(method.request);
     layout["reply"] = payload_layout(method.reply);
     layout["is_stream"] = method.is_stream;
@@ -116,6 +124,7 @@ nb::dict service_layout(const schema::Service& service) {
   }
   nb::dict layout;
   layout["name"] = service.name;
+  layout["class"] = schema::python_type_name(model, service.name);
   layout["fingerprint"] = service.fingerprint;
   layout["methods"] = methods;
   layout["doc"] = documentation(service.documentation);
@@ -158,11 +167,11 @@ nb::dict Schema::layout() const {
   nb::list enums;
   nb::list services;
   for (const schema::Object& object : codec_.model().objects)
-    objects.append(object_layout(object));
+    objects.append(object_layout(codec_.model(), object));
   for (const schema::Enum& type : codec_.model().enums)
-    enums.append(enum_layout(type));
+    enums.append(enum_layout(codec_.model(), type));
   for (const schema::Service& service : codec_.model().services)
-    services.append(service_layout(service));
+    services.append(service_layout(codec_.model(), service));
   nb::dict layout;
   layout["objects"] = objects;
   layout["enums"] = enums;

@@ -11,6 +11,7 @@
 #include <thread>
 #include <utility>
 
+#include "errors.hpp"
 #include "rtpm/base/time.hpp"
 
 /// Waits that signals, such as Ctrl-C, end.
@@ -19,10 +20,28 @@ namespace rtpm::python {
 /// How long a wait lasts before it checks the signals.
 inline constexpr Duration kSlice = std::chrono::milliseconds{50};
 
+/// Releases the GIL for its lifetime, unlike nanobind's class also while the program ends: then a
+/// thread other than the ending one stops here for good, because the interpreter would unwind it
+/// through C++ that can't be unwound.
+/// @threads  one that holds the GIL
+class Released {
+ public:
+  Released() noexcept : state_(PyEval_SaveThread()) {}
+  Released(const Released&) = delete;
+  Released& operator=(const Released&) = delete;
+  ~Released();
+
+ private:
+  PyThreadState* state_;
+};
+
+/// Lets no other thread return to the interpreter from now on. Call it last, with the GIL.
+void end_threads();
+
 /// Runs the interpreter's signal handlers.
 /// @errors raises the handler's exception
 inline void check_signals() {
-  if (PyErr_CheckSignals() != 0) throw nanobind::python_error();
+  if (PyErr_CheckSignals() != 0) raise_python_error();
 }
 
 /// Calls `is_done` without the GIL until it returns true, and checks the signals in between.
@@ -32,7 +51,7 @@ template <class Function>
 void wait_in_slices(const Function& is_done) {
   while (true) {
     {
-      const nanobind::gil_scoped_release release;
+      const Released released;
       if (is_done()) return;
     }
     check_signals();

@@ -20,7 +20,8 @@ class Program:
     """A server, ended with the test."""
 
     def __init__(self, name: str, *arguments: str, folder: Path) -> None:
-        environment = os.environ | {"RTPM_RUNTIME_FOLDER": str(folder), "RTPM_KEYS": str(folder / "no-keys")}
+        environment = os.environ | {"RTPM_RUNTIME_FOLDER": str(folder), "RTPM_KEYS": str(folder / "no-keys"),
+                                    "XDG_STATE_HOME": str(folder)}
         self.process = subprocess.Popen(
             [str(PROGRAMS / name), *arguments], stdout=subprocess.PIPE, text=True, env=environment
         )

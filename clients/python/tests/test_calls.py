@@ -5,6 +5,8 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from typing import Any
@@ -35,7 +37,7 @@ def test_an_object_is_called_by_its_own_schema(arm: Any) -> None:
 def test_calls_go_over_each_transport(laboratory: Laboratory, transport: str) -> None:
     own = rtpm.Node(laboratory.registry.url, transport=transport)
     arm: Any = rtpm.connect("lab/arm0", node=own)
-    assert arm.transport == transport
+    assert rtpm.transport_of(arm) == transport
     assert arm.describe().serial == "sim-arm0"
 
 
@@ -67,7 +69,7 @@ def test_errors_are_pythons_own(arm: Any, node: rtpm.Node) -> None:
 
 def test_a_closed_client_says_so(node: rtpm.Node) -> None:
     arm: Any = rtpm.connect("lab/arm0", node=node)
-    arm.close()
+    rtpm.close(arm)
     with pytest.raises(rtpm.Error, match="this client is closed"):
         arm.read()
 
@@ -129,15 +131,40 @@ def test_a_forked_child_is_told_so(arm: Any) -> None:
     assert child.exitcode == 0
 
 
-def test_the_program_ends_with_open_clients(laboratory: Laboratory) -> None:
-    import subprocess
-    import sys
+ENDINGS = {
+    "with an open client": "",
+    "in a daemon thread's call": (
+        "def work():\n"
+        "    while True: arm.read()\n"
+        "for _ in range(4): threading.Thread(target=work, daemon=True).start()\n"
+        "time.sleep(0.1)\n"
+    ),
+    "in a daemon thread's wait": (
+        "def work():\n"
+        "    while True: pacer.wait()\n"
+        "pacer = rtpm._core.Pacer(30)\n"
+        "threading.Thread(target=work, daemon=True).start()\n"
+        "time.sleep(0.1)\n"
+    ),
+    "with a call in atexit": "atexit.register(arm.read)\n",
+    "with a held lease": "tip = rtpm.device('lab/arm0', node=node).command(patience=5)\ntip.force = (0, 0, 0)\n",
+    "with a running servo": "tip = rtpm.device('lab/arm0', node=node).command(patience=5)\nservo = tip.render()\n",
+    "in a loop's middle": (
+        "tip = rtpm.device('lab/arm0', node=node).command(patience=5)\nloop = tip.loop(500)\nnext(loop)\nnext(loop)\n"
+    ),
+    "by sys.exit": "sys.exit(0)\n",
+    "by os._exit": "sys.stdout.flush(); os._exit(0)\n",
+}
 
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_program_ends(laboratory: Laboratory, ending: str) -> None:
     code = (
-        "import rtpm, sys\n"
-        f"arm = rtpm.connect('lab/arm0', node=rtpm.Node({laboratory.registry.url!r}))\n"
+        "import atexit, os, rtpm, sys, threading, time\n"
+        f"node = rtpm.Node({laboratory.registry.url!r})\n"
+        "arm = rtpm.connect('lab/arm0', node=node)\n"
         "arm.read()\n"
         "print('read')\n"
-    )
+    ) + ENDINGS[ending]
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "read\n", "")

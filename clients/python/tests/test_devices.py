@@ -16,7 +16,8 @@ from conftest import Laboratory
 
 import rtpm
 
-#: The bit of driver::Fault::kEmergencyStop.
+# Bits of driver::Fault.
+COMMAND_NOT_FINITE = 1 << 8
 EMERGENCY_STOP = 1 << 13
 
 
@@ -127,6 +128,7 @@ def test_a_stop_needs_no_lease_and_ends_by_rearm(arm: rtpm.Device) -> None:
         arm.stop()
         with pytest.raises(rtpm.EmergencyStopped, match="rearm"):
             tip.force = (1, 0, 0)
+        wait_until(lambda: arm.read().faults & EMERGENCY_STOP)
         tip.rearm()
         wait_until(lambda: not arm.read().faults & EMERGENCY_STOP)
         tip.force = (0, 0, 0)
@@ -140,7 +142,9 @@ def test_wrong_values_are_named(arm: rtpm.Device) -> None:
             tip.force = 3
         with pytest.raises(ValueError, match="not finite"):
             tip.force = (float("nan"), 0, 0)
+        wait_until(lambda: arm.read().faults & COMMAND_NOT_FINITE)
         tip.recover()
+        wait_until(lambda: not arm.read().faults & COMMAND_NOT_FINITE)
 
 
 def test_late_cycles_are_reported_at_the_end(arm: rtpm.Device, caplog: pytest.LogCaptureFixture) -> None:
@@ -163,7 +167,7 @@ def test_no_force_is_left_behind(laboratory: Laboratory, arm: rtpm.Device, end: 
         "        tip.force = (0.5, 0, 0)\n"
         "        print(flush=True)\n"
     )
-    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
     assert child.stdout is not None
     child.stdout.readline()
     wait_until(lambda: force_of(arm) > 0)

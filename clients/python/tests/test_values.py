@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import rtpm
 from rtpm import schemas
 
 TEXT = """
@@ -126,7 +127,7 @@ def test_structs_are_buffers_of_their_wire_bytes(lab: Any) -> None:
     assert view["x"] == 9
     mixed = lab.Mixed(flag=True, small=-1, mode=lab.Mode.Follow, big=2**64 - 1, force=force, counts=[1, 2, 3, 4], from_=-2)
     assert (mixed.force, mixed.mode, list(mixed.counts), mixed.from_) == (force, lab.Mode.Follow, [1, 2, 3, 4], -2)
-    assert mixed.replace(count=5).count == 5
+    assert rtpm.replace(mixed, count=5).count == 5
 
 
 def test_vectors_take_buffers_and_sequences(lab: Any) -> None:

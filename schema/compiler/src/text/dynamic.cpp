@@ -283,6 +283,18 @@ std::optional<std::vector<std::byte>> Dynamic::from_table(const Payload& payload
   return std::vector<std::byte>(view.begin(), view.end());
 }
 
+std::string Dynamic::refusal(const Payload& payload, std::span<const std::byte> bytes) {
+  const auto table = as_table(payload, bytes);
+  if (!table) return "the bytes are no " + impl_->model.objects[payload.table].name;
+  std::string text =
+      out_of_range(impl_->model, payload.table,
+                   static_cast<const std::uint8_t*>(static_cast<const void*>(table->data())));
+  if (payload.kind == PayloadKind::kStruct && !text.empty()) {
+    text.erase(0, impl_->only_field(payload).name.size() + 1);
+  }
+  return text;
+}
+
 std::vector<std::byte> Dynamic::reflection_of(const Payload& payload) const {
   const auto parser = make_parser(schema_text(impl_->model, impl_->model.objects[payload.table]));
   if (!parser) return {};  // Can't fail: the text is made from one that the parser accepted.

@@ -72,6 +72,9 @@ class Dynamic {
   /// @errors nullopt: the bytes do not match
   [[nodiscard]] std::optional<std::vector<std::byte>> from_table(const Payload& payload,
                                                                  std::span<const std::byte> bytes);
+  /// Why `bytes` are not a request or reply of this type, such as "force.x is 30, but must be -20 to
+  /// 20"; empty if they are.
+  [[nodiscard]] std::string refusal(const Payload& payload, std::span<const std::byte> bytes);
   /// The reflection(), reduced to the payload's table, which is the root, and its types.
   [[nodiscard]] std::vector<std::byte> reflection_of(const Payload& payload) const;
   /// The schema as FlatBuffers' own reflection, the content of a .bfbs.

@@ -1,0 +1,32 @@
+"""The end of a program: what still runs is stopped before the interpreter ends its threads."""
+
+from __future__ import annotations
+
+import atexit
+import threading
+import weakref
+from typing import Protocol
+
+from . import _core
+
+
+class _Stoppable(Protocol):
+    def stop(self) -> None: ...
+
+
+_running: weakref.WeakSet[_Stoppable] = weakref.WeakSet()
+
+
+def before_exit(running: _Stoppable) -> None:
+    """Stops `running`, unless it is gone by then, before the interpreter waits for its threads."""
+    _running.add(running)
+
+
+def _stop_all() -> None:
+    for running in list(_running):
+        running.stop()
+
+
+# Python waits for threads before it calls atexit's functions, which would then come too late.
+getattr(threading, "_register_atexit", atexit.register)(_stop_all)
+atexit.register(_core.end_threads)
