@@ -250,6 +250,37 @@ TEST(SharedMemoryRings, WakeAServerThatSleeps) {
   expect_frame(*pair.connection, frame_of(1));
 }
 
+// hp-16.3-1
+TEST(SharedMemoryRings, WakeAClientThatPolls) {
+  Host host;
+  Pair pair(host);
+  const auto is_readable = [&] {
+    return wait_readable(pair.client->descriptor(), MonotonicTime{});
+  };
+  ASSERT_TRUE(pair.client->announce_sleep());
+  EXPECT_FALSE(is_readable());
+  ASSERT_TRUE(pair.connection->send(frame_of(1), rt::now()));
+  EXPECT_TRUE(is_readable());
+  EXPECT_FALSE(pair.client->announce_sleep()) << "the frame is still there";
+  pair.client->end_sleep();
+  EXPECT_FALSE(is_readable()) << "the bell was taken";
+  EXPECT_TRUE(pair.client->receive());
+}
+
+TEST(SharedMemoryRings, EndForAClientWhoseBellCameTooLate) {
+  Host host;
+  Pair pair(host);
+  ASSERT_TRUE(pair.client->announce_sleep());
+  ASSERT_TRUE(pair.connection->send(frame_of(1), rt::now()));
+  EXPECT_TRUE(pair.client->receive());
+  pair.connection.reset();
+  pair.client->check_peer();
+  pair.client->check_peer();
+  const auto end = pair.client->receive();
+  ASSERT_FALSE(end);
+  EXPECT_EQ(end.error(), IoError::kClosed);
+}
+
 TEST(SharedMemoryRings, EndAWaitWhenAFrameArrives) {
   Host host;
   Pair pair(host);

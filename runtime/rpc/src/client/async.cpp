@@ -125,6 +125,19 @@ bool PendingReply::is_done() noexcept {
   return wait(MonotonicTime{});
 }
 
+Readiness PendingReply::readiness() noexcept {
+  // No descriptor reports frames that arrived together with an earlier one.
+  constexpr int kFrameCountMax = 32;
+  RTPM_ASSERT(state_ != nullptr, "a call was begun");
+  for (int i = 0; i < kFrameCountMax; ++i) {
+    state_->channel->end_sleep();
+    if (is_done()) return {};
+    const Readiness next = state_->channel->announce_sleep();
+    if (next.descriptor >= 0) return next;
+  }
+  return {.is_ready = false};
+}
+
 expected<ReplyLease, CallError> PendingReply::take() noexcept {
   static_cast<void>(wait(kNever));
   const PendingReply ended = std::move(*this);
@@ -192,6 +205,7 @@ bool ItemReader::is_open() const noexcept {
 
 expected<std::optional<ConstBytes>, CallError> ItemReader::next(MonotonicTime until) noexcept {
   RTPM_ASSERT(state_ != nullptr, "a stream was opened");
+  state_->channel->end_sleep();
   while (true) {
     // Received items precede the end of the stream, even if both arrived together.
     if (const auto item = state_->channel->next_item()) return item;
@@ -204,6 +218,10 @@ expected<std::optional<ConstBytes>, CallError> ItemReader::next(MonotonicTime un
   if (outcome.status != wire::Status::kOk)
     return unexpected{refused(outcome.status, outcome.payload)};
   return std::optional<ConstBytes>{};
+}
+
+Readiness ItemReader::readiness() noexcept {
+  return is_open() ? state_->channel->announce_sleep() : Readiness{};
 }
 
 void ItemReader::cancel() noexcept {

@@ -266,6 +266,18 @@ CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept
   return {.error = is_own_lack ? CallError::kNoResources : CallError::kDisconnected};
 }
 
+Readiness CallChannel::announce_sleep() noexcept {
+  Readiness at_once{.is_ready = false};
+  if (!transport_) return at_once;
+  is_asleep_ = true;
+  if (!transport_->announce_sleep()) return at_once;
+  return {.is_ready = false, .descriptor = transport_->descriptor(), .due = wire_.next_time()};
+}
+
+void CallChannel::end_sleep() noexcept {
+  if (std::exchange(is_asleep_, false) && transport_) transport_->end_sleep();
+}
+
 // A caller that only sends detects the session's end by polling occasionally: sooner if the server
 // leaves its frames unread in shared memory.
 bool CallChannel::is_look_due(MonotonicTime now) const noexcept {
@@ -315,6 +327,7 @@ std::optional<ConstBytes> CallChannel::next_item() noexcept {
 }
 
 void CallChannel::cancel() noexcept {
+  end_sleep();
   const ConstBytes frame = wire_.cancel(0, rt::now());
   // Only saves the server work, so a failure does no harm.
   if (transport_ && !frame.empty()) static_cast<void>(transport_->send(frame));

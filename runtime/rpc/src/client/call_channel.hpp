@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
+#include "rtpm/rpc/async.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
@@ -90,6 +91,10 @@ class CallChannel {
                                                 ConstBytes request, MonotonicTime now) noexcept;
   /// Waits until the call ends or has items, at most until `until`; then the outcome is kGoing.
   [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
+  /// Lets a descriptor report until end_sleep() that finish() has something to do.
+  [[nodiscard]] Readiness announce_sleep() noexcept;
+  /// @realtime at most one syscall
+  void end_sleep() noexcept;
   /// Checks whether the session ended before oneways were confirmed, and counts them in
   /// `lost_oneways`.
   /// @realtime at most two syscalls and one per received frame
@@ -174,6 +179,7 @@ class CallChannel {
   std::atomic<std::uint64_t> unconfirmed_count_{0};
   MonotonicTime last_look_{};
   MonotonicTime last_check_{};  ///< When finish() last checked whether the peer is gone.
+  bool is_asleep_ = false;      ///< announce_sleep() was called.
   bool lacks_memory_ = false;  ///< There was no memory for a reply, so the connection was given up.
   wire::ClientChannel wire_;
 };

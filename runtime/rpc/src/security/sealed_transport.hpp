@@ -43,6 +43,10 @@ class SealedTransport final : public transport::ClientTransport {
     return kept_count_ > 0 || within_->has_buffered();
   }
   void wait(MonotonicTime until) noexcept override;
+  [[nodiscard]] bool announce_sleep() noexcept override {
+    return kept_count_ == 0 && is_here() && !client().has_ended() && within_->announce_sleep();
+  }
+  void end_sleep() noexcept override { within_->end_sleep(); }
   [[nodiscard]] expected<MutableBytes, transport::IoError> await(
       MonotonicTime until) noexcept override;
   [[nodiscard]] int descriptor() const noexcept override { return within_->descriptor(); }

@@ -64,6 +64,11 @@ class SharedMemoryTransport final : public ClientTransport {
     if (!connection_.has_buffered()) connection_.check_peer();
   }
 
+  bool announce_sleep() noexcept override { return connection_.announce_sleep(); }
+  void end_sleep() noexcept override {
+    connection_.end_sleep();
+    connection_.check_peer();
+  }
   int descriptor() const noexcept override { return connection_.descriptor(); }
   wire::Medium medium() const noexcept override { return wire::Medium::kStream; }
   std::optional<std::uint32_t> unread_count() const noexcept override {

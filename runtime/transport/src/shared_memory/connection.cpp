@@ -46,6 +46,7 @@ SharedMemoryConnection::SharedMemoryConnection(Descriptor socket, Descriptor eve
       mapping_(std::move(mapping)),
       writer_(ring_to(other(side), mapping_.bytes(), sizes)),
       reader_(ring_to(side, mapping_.bytes(), sizes)),
+      sleep_(side == Side::kServer ? RecordSleep::kAtEvent : RecordSleep::kAtBell),
       lines_(wire::kSharedFrameSizeMax / sizeof(CacheLine)) {
   RTPM_ASSERT(mapping_.bytes().size() == memory_size(sizes), "a connection has its rings");
 }
@@ -111,10 +112,9 @@ void SharedMemoryConnection::wait_for_frame(MonotonicTime until) noexcept {
 
 // Reads one bell at a time; further ones keep the socket readable and cause spurious wake-ups
 // (hp-16.3-2).
-void SharedMemoryConnection::receive_bell(bool is_peek) noexcept {
+void SharedMemoryConnection::check_peer() noexcept {
   std::byte bell{};
-  const int flags = MSG_DONTWAIT | (is_peek ? MSG_PEEK : 0);
-  const ssize_t size = recv(socket_.number(), &bell, sizeof bell, flags);
+  const ssize_t size = recv(socket_.number(), &bell, sizeof bell, MSG_DONTWAIT);
   if (size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR)) is_closed_ = true;
 }
 

@@ -251,6 +251,25 @@ TEST_F(GeneratedCalls, CompletionsReportCancelledAndFailedCalls) {
   EXPECT_EQ(errors, (std::vector{CallError::kTooLarge, CallError::kCancelled}));
 }
 
+TEST_F(GeneratedCalls, CompletionsRunCallbacksForItems) {
+  rtpm::rpc::Completions completions;
+  std::uint64_t number = 0;
+  std::size_t size = 0;
+  int end_count = 0;
+  const auto on_end = [&](const rtpm::expected<void, CallError>& end) { end_count += end ? 1 : 0; };
+  completions.then_each(
+      client_->watch(),
+      [&](const deferred::Sample& sample) { EXPECT_EQ(sample.number(), number++); }, on_end);
+  completions.then_each(
+      client_->log(note("64")), [&](const deferred::Note& note) { size += note.text()->size(); },
+      on_end);
+  while (completions.open_count() > 0)
+    ASSERT_GT(completions.wait(now() + kPatience), 0u);
+  EXPECT_EQ(number, 100u);
+  EXPECT_EQ(size, 64u);
+  EXPECT_EQ(end_count, 2);
+}
+
 TEST_F(GeneratedCalls, ACompletionThreadRunsCallbacksByItself) {
   auto thread = rtpm::rpc::CompletionThread::start({.name = "replies"});
   ASSERT_TRUE(thread) << thread.error().text();

@@ -13,6 +13,14 @@ namespace rtpm::rpc {
 
 class ReplyLease;
 
+/// When a call or stream must be polled again, for a caller that waits by itself.
+struct Readiness {
+  bool is_ready = true;  ///< It has ended: take its result.
+  /// Becomes readable when a frame arrives; negative if one is already there: poll again at once.
+  int descriptor = -1;
+  MonotonicTime due{};  ///< When to poll at the latest: to resend a lost frame, or to time out.
+};
+
 /// A call in flight whose reply is collected later. No thread works for it: lost frames are resent,
 /// and the reply is received, only while the caller polls or waits. The call occupies a call
 /// channel until it ends.
@@ -21,6 +29,8 @@ class ReplyLease;
 /// @realtime alloc-free
 class PendingReply {
  public:
+  using Result = expected<ReplyLease, CallError>;
+
   PendingReply() noexcept;
   PendingReply(PendingReply&& other) noexcept;
   PendingReply& operator=(PendingReply&& other) noexcept;
@@ -29,11 +39,14 @@ class PendingReply {
   /// Whether take() would return at once. Polls once and resends lost frames, so call it regularly.
   /// @realtime at most two syscalls
   [[nodiscard]] bool is_done() noexcept;
+  /// Polls like is_done(), and returns what to wait for before the next poll. Completions does so.
+  /// @realtime at most three syscalls and one per received frame
+  [[nodiscard]] Readiness readiness() noexcept;
   /// Waits until the call ends, at most until `until`. True if the call has ended.
   [[nodiscard]] bool wait(MonotonicTime until) noexcept;
   /// Waits for the reply and returns it, once.
   /// @errors   see CallError
-  [[nodiscard]] expected<ReplyLease, CallError> take() noexcept;
+  [[nodiscard]] Result take() noexcept;
   /// Cancels the call and notifies the server once. The call may have run, or may still run: a lane
   /// with one thread and no buffer receives nothing while it runs a call, so a waiting call runs
   /// before its cancellation is read. A lane that receives while it runs calls
@@ -70,6 +83,9 @@ class ItemReader {
   ///           of caller or server · other errors ended the stream
   [[nodiscard]] expected<std::optional<ConstBytes>, CallError> next(MonotonicTime until) noexcept;
   [[nodiscard]] bool is_open() const noexcept;
+  /// After next() returned kTimeout: what to wait for before the next call of it.
+  /// @realtime no syscall
+  [[nodiscard]] Readiness readiness() noexcept;
   /// Cancels the stream and notifies the server.
   void cancel() noexcept;
 

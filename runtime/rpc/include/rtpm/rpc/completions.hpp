@@ -1,50 +1,81 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/rpc/async.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rt/thread.hpp"
 
+namespace rtpm::transport {
+class MergedDescriptor;
+}  // namespace rtpm::transport
+
 namespace rtpm::rpc {
 
-/// Calls in flight, each with a callback that the polling thread runs when the call ends:
+/// Identifies a call of a Completions.
+using CallNumber = std::uint64_t;
+
+/// Calls and streams in flight, with callbacks that the polling thread runs:
 ///
 ///     completions.then(arm.begin_get_pose(), [&](const auto& pose) { show(pose); });
 ///     while (is_running) completions.wait(next_frame);
 ///
 /// The callback gets the result of take(): the reply or the error, including a failure to start the
-/// call. It runs once, in poll(), wait() or the destructor, and may add more calls.
+/// call. It runs once, in poll(), wait() or the destructor, and may add and cancel calls.
+///
+/// An event loop of another kind watches descriptor() instead, and calls poll() when it is
+/// readable. While nothing happens, no call is polled, neither there nor in wait().
 /// @ownership holds the calls and callbacks; refers to the calls' bindings, which must outlive it.
 ///            Destruction cancels open calls: their callbacks get kCancelled
 /// @threads  one at a time
 /// @realtime adding allocates; waiting is alloc-free except for the callbacks
 class Completions {
  public:
-  Completions() noexcept = default;
+  Completions() noexcept;
   Completions(const Completions&) = delete;
   Completions& operator=(const Completions&) = delete;
   ~Completions();
 
   /// Adds the result of a generated begin_x() and the callback for when the call ends.
+  /// @errors   the callback gets kNoResources if no descriptor is left to wait with
   template <class Pending, class Callback>
-  void then(expected<Pending, CallError> begun, Callback callback) {
-    add(std::make_unique<Call<Pending, Callback>>(std::move(begun), std::move(callback)));
+  CallNumber then(expected<Pending, CallError> begun, Callback callback) {
+    return add(std::make_unique<Call<Pending, Callback>>(std::move(begun), std::move(callback)));
   }
+  /// Adds a stream. `on_item` gets each item, valid until it returns. `on_end` runs once, with an
+  /// expected<void, CallError>: an error, unless the server finished the stream.
+  /// @errors   as then()
+  template <class Stream, class OnItem, class OnEnd>
+  CallNumber then_each(expected<Stream, CallError> begun, OnItem on_item, OnEnd on_end) {
+    return add(std::make_unique<Items<Stream, OnItem, OnEnd>>(std::move(begun), std::move(on_item),
+                                                              std::move(on_end)));
+  }
+  /// Cancels a call or stream, and notifies the server; see PendingReply::cancel(). Its callback
+  /// gets kCancelled in the next poll(). Does nothing if it has ended.
+  void cancel(CallNumber number);
 
-  /// Polls each call once, runs the callbacks of finished calls, and returns their number. Also
-  /// resends lost frames, so call it regularly.
-  /// @realtime at most two syscalls a call
+  /// Runs the callbacks of finished calls and received items, and returns how many it ran. Also
+  /// resends lost frames, so call it when descriptor() is readable.
+  /// @realtime two syscalls, and for each call with something to do at most six and one per
+  ///           received frame
   std::size_t poll();
-  /// Waits until a call ends, at most until `until`, runs the callbacks and returns the number of
-  /// finished calls. Polls each of several open calls once a millisecond. Returns at once if no
-  /// call is open.
+  /// Waits until there is a callback to run, at most until `until`, and does what poll() does.
+  /// Returns at once if no call is open.
   std::size_t wait(MonotonicTime until);
-  /// Calls whose callback has not run yet.
+  /// The one descriptor to watch for all calls, such as by poll(2), epoll, Asio, Qt or asyncio:
+  /// readable while poll() has something to do (level-triggered). A call that is added or cancelled
+  /// counts, too. It stays the same as long as this object lives, which closes it; do not read it.
+  /// @realtime the first time set-up only
+  /// @errors   no descriptor left
+  [[nodiscard]] expected<int, SetupError> descriptor();
+  /// Calls whose callback, and streams whose `on_end`, has not run yet.
   [[nodiscard]] std::size_t open_count() const noexcept { return open_.size(); }
 
  private:
@@ -56,27 +87,42 @@ class Completions {
     Entry(const Entry&) = delete;
     Entry& operator=(const Entry&) = delete;
     virtual ~Entry() = default;
-    [[nodiscard]] virtual bool wait(MonotonicTime until) noexcept = 0;
-    virtual void cancel() noexcept = 0;
+    /// Returns what to wait for before the first step(): nothing.
+    [[nodiscard]] virtual Readiness begin() { return {.is_ready = false}; }
+    /// Takes what has arrived, runs the callback for items, and returns what to wait for.
+    [[nodiscard]] virtual Readiness step() = 0;
+    /// Runs the callback for the end.
     virtual void complete() = 0;
+    void end(CallError error) noexcept {
+      if (!error_) error_ = error;
+    }
+
+   protected:
+    std::optional<CallError> error_{};  ///< Why it ended without a result.
+    std::size_t item_count_ = 0;
+
+   private:
+    friend class Completions;
+    CallNumber number_ = 0;
+    int descriptor_ = -1;      ///< Watched, if not negative.
+    MonotonicTime due_{};      ///< When step() is due, unless the descriptor reports something.
+    bool is_in_step_ = false;  ///< It runs a callback, which may poll.
   };
 
   template <class Pending, class Callback>
   class Call final : public Entry {
    public:
     Call(expected<Pending, CallError> begun, Callback callback)
-        : begun_(std::move(begun)), callback_(std::move(callback)) {}
-    [[nodiscard]] bool wait(MonotonicTime until) noexcept override {
-      return !begun_ || begun_->wait(until);
+        : begun_(std::move(begun)), callback_(std::move(callback)) {
+      if (!begun_) end(begun_.error());
     }
-    void cancel() noexcept override {
-      if (begun_) begun_->cancel();
-    }
+    [[nodiscard]] Readiness begin() override { return step(); }
+    [[nodiscard]] Readiness step() override { return error_ ? Readiness{} : begun_->readiness(); }
     void complete() override {
-      if (begun_) {
-        callback_(begun_->take());
+      if (error_) {
+        callback_(typename Pending::Result{unexpected{*error_}});
       } else {
-        callback_(typename Pending::Result{unexpected{begun_.error()}});
+        callback_(begun_->take());
       }
     }
 
@@ -85,9 +131,55 @@ class Completions {
     Callback callback_;
   };
 
-  void add(std::unique_ptr<Entry> entry) { open_.push_back(std::move(entry)); }
+  template <class Stream, class OnItem, class OnEnd>
+  class Items final : public Entry {
+   public:
+    Items(expected<Stream, CallError> begun, OnItem on_item, OnEnd on_end)
+        : begun_(std::move(begun)), on_item_(std::move(on_item)), on_end_(std::move(on_end)) {
+      if (!begun_) end(begun_.error());
+    }
+    [[nodiscard]] Readiness step() override {
+      // Other calls have their turn after that many.
+      constexpr int kItemCountMax = 32;
+      for (int i = 0; i < kItemCountMax && !error_; ++i) {
+        const auto item = begun_->next(MonotonicTime{});
+        if (!item) {
+          if (item.error() == CallError::kTimeout && begun_->is_open()) return begun_->readiness();
+          end(item.error());
+        } else if (!*item) {
+          return {};
+        } else {
+          ++item_count_;
+          on_item_(**item);
+        }
+      }
+      return {.is_ready = error_.has_value()};
+    }
+    void complete() override {
+      on_end_(error_ ? expected<void, CallError>{unexpected{*error_}}
+                     : expected<void, CallError>{});
+    }
 
-  std::vector<std::unique_ptr<Entry>> open_{};
+   private:
+    expected<Stream, CallError> begun_;
+    OnItem on_item_;
+    OnEnd on_end_;
+  };
+
+  CallNumber add(std::unique_ptr<Entry> entry);
+  [[nodiscard]] std::size_t step(Entry& entry);
+  void watch(Entry& entry, const Readiness& next) noexcept;
+  void complete(Entry& entry);
+  void cancel_all();
+  void set_alarm() noexcept;
+  /// The first entry from `number` on.
+  [[nodiscard]] std::vector<std::unique_ptr<Entry>>::iterator find_from(CallNumber number) noexcept;
+  [[nodiscard]] Entry* find(CallNumber number) noexcept;
+
+  std::vector<std::unique_ptr<Entry>> open_{};  ///< By number, so in the order of adding.
+  CallNumber next_number_ = 1;
+  std::unique_ptr<transport::MergedDescriptor> merged_;  ///< Null until it is first needed.
+  MonotonicTime alarm_ = kNever;                         ///< The time for which `merged_` is set.
 };
 
 /// Completions with a thread that waits and runs the callbacks:
@@ -96,16 +188,15 @@ class Completions {
 ///     thread->then(arm.begin_get_pose(), [](const auto& pose) { … });
 ///
 /// Callbacks run one at a time on that thread and must return quickly, since other callbacks wait
-/// for them. They may add calls. Real-time class: set-up. The thread polls open calls once a
-/// millisecond. A loop that counts microseconds should hold the PendingReply itself and wait for
-/// it.
+/// for them. They may add calls. Real-time class: set-up. A loop that counts microseconds should
+/// hold the PendingReply itself and wait for it.
 /// @ownership like Completions; destruction cancels open calls and joins the thread
-/// @threads  then() from any
+/// @threads  then() and then_each() from any
 class CompletionThread {
  public:
   /// Starts the thread. Without a priority in `config` the thread is time-shared.
   /// @realtime set-up only
-  /// @errors   those of rt::Thread::start()
+  /// @errors   those of rt::Thread::start(); no descriptor left
   [[nodiscard]] static expected<std::unique_ptr<CompletionThread>, SetupError> start(
       const rt::ThreadConfig& config);
   CompletionThread(const CompletionThread&) = delete;
@@ -117,6 +208,12 @@ class CompletionThread {
   void then(expected<Pending, CallError> begun, Callback callback) {
     add(std::make_unique<Completions::Call<Pending, Callback>>(std::move(begun),
                                                                std::move(callback)));
+  }
+  /// Does the same as Completions::then_each(), but the callbacks run on this object's thread.
+  template <class Stream, class OnItem, class OnEnd>
+  void then_each(expected<Stream, CallError> begun, OnItem on_item, OnEnd on_end) {
+    add(std::make_unique<Completions::Items<Stream, OnItem, OnEnd>>(
+        std::move(begun), std::move(on_item), std::move(on_end)));
   }
 
  private:

@@ -31,6 +31,8 @@ class Pending {
   /// Whether take() would return at once; polls once.
   /// @realtime alloc-free, at most two syscalls
   [[nodiscard]] bool is_done() noexcept { return reply_.is_done(); }
+  /// See PendingReply::readiness().
+  [[nodiscard]] Readiness readiness() noexcept { return reply_.readiness(); }
   /// Waits until the call ends, at most until `until`. True if the call has ended.
   /// @realtime alloc-free
   [[nodiscard]] bool wait(MonotonicTime until) noexcept { return reply_.wait(until); }
@@ -98,6 +100,8 @@ template <class Handle, class... More>
 class OpenStream {
  public:
   [[nodiscard]] bool is_open() const noexcept { return reader_.is_open(); }
+  /// See ItemReader::readiness().
+  [[nodiscard]] Readiness readiness() noexcept { return reader_.readiness(); }
   /// Cancels the stream and notifies the server.
   /// @realtime alloc-free
   void cancel() noexcept { reader_.cancel(); }

@@ -50,7 +50,14 @@ class ClientTransport {
   /// Returns the next frame; if there is none, waits like wait().
   /// @realtime one system call if the transport supports it, otherwise three
   [[nodiscard]] virtual expected<MutableBytes, IoError> await(MonotonicTime until) noexcept;
-  /// The socket. For shared memory it only reports that the server is gone.
+  /// Makes descriptor() report frames until end_sleep(), for a caller that waits for several.
+  /// @return false if a frame is already there, or receive() has an error to report
+  /// @realtime no system call
+  [[nodiscard]] virtual bool announce_sleep() noexcept { return !has_buffered(); }
+  /// @realtime at most one system call
+  virtual void end_sleep() noexcept {}
+  /// The socket. For shared memory it only reports that the server is gone, and, after
+  /// announce_sleep(), frames.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;
   /// The number of sent frames that the server has not read; nullopt for transports other than

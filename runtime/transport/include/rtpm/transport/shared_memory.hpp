@@ -61,25 +61,22 @@ class SharedMemoryConnection final : public Connection {
   int descriptor() const noexcept override { return socket_.number(); }
   int event() const noexcept override { return event_.number(); }
   bool is_memory() const noexcept override { return true; }
-  void on_ready() noexcept override { receive_bell(false); }
-  bool announce_sleep() noexcept override {
-    return reader_.announce_sleep(RecordSleep::kAtEvent) && !is_closed_;
-  }
+  void on_ready() noexcept override { check_peer(); }
+  bool announce_sleep() noexcept override { return reader_.announce_sleep(sleep_) && !is_closed_; }
   void end_sleep() noexcept override { reader_.end_sleep(); }
 
   /// Waits for a frame until `until`. Wakes faster than a poll, but not when the peer ends.
   /// @realtime alloc-free, one system call
   void wait_for_frame(MonotonicTime until) noexcept;
   /// Checks the socket, which receive() does not read, for whether the peer is gone; then receive()
-  /// reports it.
+  /// reports it. Takes a bell, which would hide the end.
   /// @realtime alloc-free, one system call
-  void check_peer() noexcept { receive_bell(true); }
+  void check_peer() noexcept;
   /// The number of sent frames that the peer has not read.
   [[nodiscard]] std::uint32_t unread_count() const noexcept { return writer_.unread_count(); }
 
  private:
   void ring_bell() noexcept;
-  void receive_bell(bool is_peek) noexcept;
   void signal_event() noexcept;
   [[nodiscard]] bool await_space(MonotonicTime until) noexcept;
 
@@ -91,6 +88,7 @@ class SharedMemoryConnection final : public Connection {
   SharedMapping mapping_;
   RecordWriter writer_;
   RecordReader reader_;
+  RecordSleep sleep_;  ///< How polls report frames: a server's by its event, a client's by a bell.
   std::vector<CacheLine> lines_;
   bool is_closed_ = false;  ///< The peer hung up; its earlier frames can still be read.
 };
