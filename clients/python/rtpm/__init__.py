@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ._core import version as __version__
-from .calls import AsyncClient, AsyncStream, Client, Node, Stream, close, connect, many, transport_of, url_of
+from .asynchronous import AsyncClient, AsyncStream, bind, connect_async
+from .calls import Client, Node, Stream, close, connect, many, transport_of, url_of
 from .devices import Device, Servo, Tip, device
 from .errors import (
     BadCommand,
@@ -136,8 +137,10 @@ __all__ = [
     "Wall",
     "WrongBand",
     "WrongInterface",
+    "bind",
     "close",
     "connect",
+    "connect_async",
     "device",
     "many",
     "replace",

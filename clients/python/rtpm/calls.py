@@ -81,8 +81,8 @@ def default_node() -> Node:
     return _default
 
 
-class Client:
-    """An object of a server. Its class has one method per method of the service, and no others."""
+class _Bound:
+    """What clients have in common: a bound object of a server."""
 
     _rtpm_schema_: ClassVar[Any] = None
     _rtpm_service_: ClassVar[int] = 0
@@ -90,7 +90,7 @@ class Client:
     def __init__(self, target: str, *, node: Node | None = None, deadline: float | None = None) -> None:
         """Binds the object at `target`, a name or a URL, within `deadline` seconds (1)."""
         if self._rtpm_schema_ is None:
-            raise TypeError("rtpm.Client is a base class; use a generated one, or rtpm.connect(target)")
+            raise TypeError("this is a base class; use a generated one, or rtpm.connect(target)")
         self._rtpm_node_ = node or default_node()
         self._rtpm_bound_: _core.Binding | None = _core.Binding(
             self._rtpm_node_.core, self._rtpm_schema_.core, self._rtpm_service_, target, deadline
@@ -103,6 +103,14 @@ class Client:
             raise errors.Error("this client is closed")
         return self._rtpm_bound_
 
+    def __repr__(self) -> str:
+        target = "closed" if self._rtpm_bound_ is None else self._rtpm_bound_.target
+        return f"<{type(self).__name__} {target}>"
+
+
+class Client(_Bound):
+    """An object of a server. Its class has one method per method of the service, and no others."""
+
     def __enter__(self: _C) -> _C:
         return self
 
@@ -111,30 +119,18 @@ class Client:
     ) -> None:
         close(self)
 
-    def __repr__(self) -> str:
-        target = "closed" if self._rtpm_bound_ is None else self._rtpm_bound_.target
-        return f"<{type(self).__name__} {target}>"
 
-
-class AsyncClient:
-    """An object of a server, for asyncio. Not there yet: its methods can't be called."""
-
-
-class AsyncStream(Generic[_Item]):
-    """The items that answer an asynchronous call. Not there yet."""
-
-
-def close(client: Client) -> None:
+def close(client: _Bound) -> None:
     """Ends a client; further calls fail. A `with` statement does it, too."""
     client._rtpm_bound_ = None
 
 
-def url_of(client: Client) -> str:
+def url_of(client: _Bound) -> str:
     """The URL that a client's calls go to now."""
     return client._rtpm_binding_.url
 
 
-def transport_of(client: Client) -> str:
+def transport_of(client: _Bound) -> str:
     """How a client's calls go: "local", "shm", "udp" or "tcp"."""
     return client._rtpm_binding_.transport
 
@@ -202,6 +198,16 @@ def _documentation(method: dict[str, Any]) -> str:
     return "\n\n".join(text for text in (method["doc"].strip(), " ".join(facts)) if text)
 
 
+def set_facts(function: Any, schema: Schema, index: int, method: dict[str, Any], owner: str) -> Any:
+    """Gives a client's method its name and documentation."""
+    name = method["attribute"]
+    function.__name__ = name
+    function.__qualname__ = f"{owner}.{name}"
+    function.__doc__ = f"{name}{_signature(method, schema)}\n\n{_documentation(method)}".strip()
+    function._rtpm_index_ = index
+    return function
+
+
 def _method(schema: Schema, index: int, method: dict[str, Any], owner: str) -> Any:
     if method["is_stream"]:
 
@@ -228,12 +234,7 @@ def _method(schema: Schema, index: int, method: dict[str, Any], owner: str) -> A
             return call(self, request, priority, deadline)
 
         function = with_request
-    name = method["attribute"]
-    function.__name__ = name
-    function.__qualname__ = f"{owner}.{name}"
-    function.__doc__ = f"{name}{_signature(method, schema)}\n\n{_documentation(method)}".strip()
-    function._rtpm_index_ = index
-    return function
+    return set_facts(function, schema, index, method, owner)
 
 
 def client_class(schema: Schema, index: int, module: str) -> type[Client]:

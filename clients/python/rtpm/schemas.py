@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from . import _core, calls, servants, values
+from . import _core, asynchronous, calls, servants, values
 
 
 class Schema:
@@ -20,15 +20,17 @@ class Schema:
         self.core.set_classes(self.classes.for_extension(), self.classes.enums)
         #: The client class of each service, by its qualified name.
         self.clients: dict[str, type[calls.Client]] = {}
-        #: The servant class of each service, likewise.
+        #: The asynchronous client class and the servant class of each service, likewise.
+        self.async_clients: dict[str, type[asynchronous.AsyncClient]] = {}
         self.servants: dict[str, type[servants.Servant]] = {}
         for index, service in enumerate(self.layout["services"]):
             self.clients[service["name"]] = calls.client_class(self, index, module)
+            self.async_clients[service["name"]] = asynchronous.async_client_class(self, index, module)
             self.servants[service["name"]] = servants.servant_class(self, index, module)
 
     def names(self) -> dict[str, Any]:
         """All classes by the names that generated modules have for them."""
-        services = [*self.clients.values(), *self.servants.values()]
+        services = [*self.clients.values(), *self.async_clients.values(), *self.servants.values()]
         return dict(self.classes.public()) | {kind.__name__: kind for kind in services}
 
 

@@ -4,7 +4,7 @@
 
 namespace rtpm::python {
 
-/// Defines Binding and Stream: calls through the runtime, by the method's index in its service.
+/// Defines Binding, Stream and AsyncCalls: calls through the runtime, by the method's index in its service.
 void define_calls(nanobind::module_& module);
 
 }  // namespace rtpm::python

@@ -42,10 +42,14 @@ void raise(const SetupError& error) {
   raise_object(errors().attr("of_setup")(error.what, error.why, error.remedy, name, error.text()));
 }
 
+nb::object exception_of(rpc::CallError error, std::string_view method, std::string_view target) {
+  return errors().attr("of_call")(name_of(error), rpc::describe(error),
+                                  nb::str(method.data(), method.size()),
+                                  nb::str(target.data(), target.size()));
+}
+
 void raise(rpc::CallError error, std::string_view method, std::string_view target) {
-  raise_object(errors().attr("of_call")(name_of(error), rpc::describe(error),
-                                        nb::str(method.data(), method.size()),
-                                        nb::str(target.data(), target.size())));
+  raise_object(exception_of(error, method, target));
 }
 
 void raise_python_error() {

@@ -15,8 +15,11 @@ namespace rtpm::python {
 /// Raises the exception of a failed set-up: that of the call's error if one caused it.
 [[noreturn]] void raise(const SetupError& error);
 
-/// Raises the exception of a failed call. Call it on the thread of the call, before its next one:
+/// The exception of a failed call. Call it on the thread of the call, before its next one:
 /// see rpc::describe().
+[[nodiscard]] nanobind::object exception_of(rpc::CallError error, std::string_view method,
+                                            std::string_view target);
+/// Raises it.
 [[noreturn]] void raise(rpc::CallError error, std::string_view method, std::string_view target);
 
 /// Raises the exception that a function of Python has set.

@@ -1,6 +1,6 @@
 """Read by mypy only: what the generated types allow."""
 
-from generated.lab_rtpm import ArmClient, Circle, Drawing, Force, Mode, Square
+from generated.lab_rtpm import ArmAsyncClient, ArmClient, ArmServant, Circle, Drawing, Force, Mode, Square
 
 
 def use(arm: ArmClient) -> float:
@@ -14,3 +14,19 @@ def use(arm: ArmClient) -> float:
             return side
         case _:
             return (-2 * Force(1, 2, 3)).x
+
+
+async def use_async(arm: ArmAsyncClient) -> str:
+    await arm.set_force(Force(0, 0, 1.5))
+    return (await arm.draw(Drawing(title="a"), deadline=1)).title
+
+
+class Arm(ArmServant):
+    def set_force(self, request: Force, /) -> None:
+        self.force = request
+
+    async def draw(self, request: Drawing, /) -> Drawing:
+        return request
+
+    def close(self) -> None:
+        pass

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "node.hpp"
+#include "rtpm/rpc/async.hpp"
+#include "rtpm/rpc/binding.hpp"
+#include "schema.hpp"
+
+namespace rtpm::python {
+
+/// The options of a call.
+/// @errors raises ValueError, with the range
+[[nodiscard]] rpc::CallOptions options_of(std::optional<int> priority,
+                                          std::optional<double> deadline);
+
+class Stream;
+
+/// A bound object.
+/// @ownership keeps its node and schema
+/// @threads   with the GIL
+class Binding {
+ public:
+  /// @errors raises the exception of rpc::Binding::bind()
+  Binding(SharedNode node, nanobind::object schema, std::size_t service, std::string target,
+          std::optional<double> deadline);
+
+  [[nodiscard]] nanobind::object call(std::size_t index, nanobind::handle request,
+                                      std::optional<int> priority, std::optional<double> deadline);
+  /// Calls with each request, several at a time.
+  [[nodiscard]] nanobind::list call_many(std::size_t index, nanobind::handle requests,
+                                         std::optional<int> priority,
+                                         std::optional<double> deadline);
+  [[nodiscard]] std::unique_ptr<Stream> open_stream(std::size_t index, nanobind::handle request,
+                                                    std::optional<int> priority,
+                                                    std::optional<double> deadline,
+                                                    std::uint32_t window);
+  /// Sends a call without waiting.
+  [[nodiscard]] expected<rpc::PendingReply, rpc::CallError> start(std::size_t index,
+                                                                  nanobind::handle request,
+                                                                  const rpc::CallOptions& options);
+
+  [[nodiscard]] const schema::Method& method(std::size_t index) const {
+    return service_.methods.at(index);
+  }
+  [[nodiscard]] nanobind::object decode(std::size_t index, ConstBytes reply) const {
+    return schema_.codec().decode(method(index).reply, reply);
+  }
+  [[noreturn]] void fail(std::size_t index, rpc::CallError error);
+
+  [[nodiscard]] std::string url() const;
+  [[nodiscard]] std::string_view transport() const noexcept;
+  [[nodiscard]] const std::string& target() const noexcept { return target_; }
+  /// The clock offset to the server, and its uncertainty, in seconds.
+  [[nodiscard]] nanobind::tuple ping(std::optional<double> deadline);
+
+ private:
+  [[nodiscard]] rpc::PendingReply begin(std::size_t index, ConstBytes request,
+                                        const rpc::CallOptions& options);
+  [[nodiscard]] nanobind::object finish(std::size_t index, rpc::PendingReply& pending);
+  void send(std::size_t index, ConstBytes request, const rpc::CallOptions& options);
+
+  SharedNode node_;
+  nanobind::object schema_object_;
+  Schema& schema_;
+  const schema::Service& service_;
+  const rpc::InterfaceDescriptor& interface_;
+  std::string target_;
+  std::unique_ptr<rpc::Binding> binding_{};
+  /// The last call succeeded, through shared memory.
+  bool is_quick_ = false;
+};
+
+}  // namespace rtpm::python
