@@ -69,6 +69,7 @@ from .idl.device_rtpm import (  # isort: skip
 Wall = Plane
 
 __all__ = [
+    "__version__",
     "AffineField",
     "AsyncClient",
     "AsyncStream",

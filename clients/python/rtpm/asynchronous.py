@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 _A = TypeVar("_A", bound="AsyncClient")
 _Item = TypeVar("_Item")
 
-_calls: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, _core.AsyncCalls] = weakref.WeakKeyDictionary()
+_calls: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, _core.AsyncCalls] = (
+    weakref.WeakKeyDictionary()
+)
 
 
 def _calls_of(loop: asyncio.AbstractEventLoop) -> _core.AsyncCalls:
@@ -39,7 +41,10 @@ class AsyncClient(_Bound):
         return self
 
     async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         close(self)
 
@@ -72,7 +77,10 @@ class AsyncStream(Generic[_Item]):
         return self
 
     async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         await self.close()
 
@@ -92,7 +100,9 @@ async def _readable(loop: asyncio.AbstractEventLoop, descriptor: int, seconds: f
         loop.remove_reader(descriptor)
 
 
-async def bind(kind: type[_A], target: str, *, node: Node | None = None, deadline: float | None = None) -> _A:
+async def bind(
+    kind: type[_A], target: str, *, node: Node | None = None, deadline: float | None = None
+) -> _A:
     """Makes an asynchronous client without holding up the event loop."""
     loop = asyncio.get_running_loop()
     return await loop.run_in_executor(None, lambda: kind(target, node=node, deadline=deadline))
@@ -108,7 +118,9 @@ async def connect_async(target: str, *, node: Node | None = None) -> AsyncClient
     return await bind(schemas.schema_of(text).async_clients[service], target, node=node)
 
 
-async def _call(binding: _core.Binding, index: int, request: Any, priority: Any, deadline: Any) -> Any:
+async def _call(
+    binding: _core.Binding, index: int, request: Any, priority: Any, deadline: Any
+) -> Any:
     loop = asyncio.get_running_loop()
     calls = _calls_of(loop)
     future: asyncio.Future[Any] = loop.create_future()
@@ -147,20 +159,30 @@ def async_client_class(schema: Schema, index: int, module: str) -> type[AsyncCli
 def _method(index: int, method: dict[str, Any]) -> Any:
     if method["is_stream"]:
 
-        def stream(self: Any, *request: Any, priority: int | None = None, deadline: float | None = None) -> Any:
+        def stream(
+            self: Any, *request: Any, priority: int | None = None, deadline: float | None = None
+        ) -> Any:
             argument = _argument(method, request)
-            return AsyncStream(self._rtpm_binding_.open_stream(index, argument, priority, deadline, 16))
+            return AsyncStream(
+                self._rtpm_binding_.open_stream(index, argument, priority, deadline, 16)
+            )
 
         return stream
     if method["is_oneway"]:
 
-        async def oneway(self: Any, *request: Any, priority: int | None = None, deadline: float | None = None) -> None:
+        async def oneway(
+            self: Any, *request: Any, priority: int | None = None, deadline: float | None = None
+        ) -> None:
             self._rtpm_binding_.call(index, _argument(method, request), priority, deadline)
 
         return oneway
 
-    async def call(self: Any, *request: Any, priority: int | None = None, deadline: float | None = None) -> Any:
-        return await _call(self._rtpm_binding_, index, _argument(method, request), priority, deadline)
+    async def call(
+        self: Any, *request: Any, priority: int | None = None, deadline: float | None = None
+    ) -> Any:
+        return await _call(
+            self._rtpm_binding_, index, _argument(method, request), priority, deadline
+        )
 
     return call
 
@@ -168,5 +190,7 @@ def _method(index: int, method: dict[str, Any]) -> Any:
 def _argument(method: dict[str, Any], request: tuple[Any, ...]) -> Any:
     wanted = 0 if method["request"] is None else 1
     if len(request) != wanted:
-        raise TypeError(f"{method['attribute']} takes {wanted} argument{'' if wanted == 1 else 's'}, not {len(request)}")
+        raise TypeError(
+            f"{method['attribute']} takes {wanted} argument{'' if wanted == 1 else 's'}, not {len(request)}"
+        )
     return request[0] if request else None

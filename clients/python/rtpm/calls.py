@@ -52,14 +52,18 @@ class Node:
             known_servers_file or os.environ.get("RTPM_KNOWN_SERVERS", ""),
         )
 
-    @property
-    def core(self) -> _core.Node:
-        """The extension's node."""
+    def check(self) -> None:
+        """Raises ForkedError in a process that was forked after the node was made."""
         if self._forks != _forks:
             raise errors.ForkedError(
                 "this node belongs to the process that this one was forked from; make an rtpm.Node here, or start "
                 "processes by multiprocessing's method 'spawn'"
             )
+
+    @property
+    def core(self) -> _core.Node:
+        """The extension's node."""
+        self.check()
         return self._core
 
     def url_of(self, target: str) -> str:
@@ -82,12 +86,14 @@ def default_node() -> Node:
 
 
 class _Bound:
-    """What clients have in common: a bound object of a server."""
+    """The common part of clients: a bound object of a server."""
 
     _rtpm_schema_: ClassVar[Any] = None
     _rtpm_service_: ClassVar[int] = 0
 
-    def __init__(self, target: str, *, node: Node | None = None, deadline: float | None = None) -> None:
+    def __init__(
+        self, target: str, *, node: Node | None = None, deadline: float | None = None
+    ) -> None:
         """Binds the object at `target`, a name or a URL, within `deadline` seconds (1)."""
         if self._rtpm_schema_ is None:
             raise TypeError("this is a base class; use a generated one, or rtpm.connect(target)")
@@ -98,7 +104,7 @@ class _Bound:
 
     @property
     def _rtpm_binding_(self) -> _core.Binding:
-        self._rtpm_node_.core  # Raises in a forked process.
+        self._rtpm_node_.check()
         if self._rtpm_bound_ is None:
             raise errors.Error("this client is closed")
         return self._rtpm_bound_
@@ -115,7 +121,10 @@ class Client(_Bound):
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         close(self)
 
@@ -159,7 +168,10 @@ class Stream(Generic[_Item]):
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.close()
 
@@ -175,12 +187,18 @@ def many(
     client: Any = getattr(method, "__self__", None)
     index = getattr(method, "_rtpm_index_", None)
     if not isinstance(client, Client) or index is None:
-        raise TypeError("rtpm.many takes a method of a client, such as rtpm.many(arm.get_force, requests)")
+        raise TypeError(
+            "rtpm.many takes a method of a client, such as rtpm.many(arm.get_force, requests)"
+        )
     return client._rtpm_binding_.call_many(index, requests, priority, deadline)
 
 
 def _signature(method: dict[str, Any], schema: Schema) -> str:
-    request = "" if method["request"] is None else f"request: {schema.classes.objects[method['request']].__name__}, /, "
+    request = (
+        ""
+        if method["request"] is None
+        else f"request: {schema.classes.objects[method['request']].__name__}, /, "
+    )
     reply = "None" if method["reply"] is None else schema.classes.objects[method["reply"]].__name__
     if method["is_stream"]:
         reply = f"rtpm.Stream[{reply}]"
@@ -222,14 +240,21 @@ def _method(schema: Schema, index: int, method: dict[str, Any], owner: str) -> A
     function: Any
     if method["request"] is None:
 
-        def without(self: Any, *, priority: int | None = None, deadline: float | None = None) -> Any:
+        def without(
+            self: Any, *, priority: int | None = None, deadline: float | None = None
+        ) -> Any:
             return call(self, None, priority, deadline)
 
         function = without
     else:
 
         def with_request(
-            self: Any, request: Any, /, *, priority: int | None = None, deadline: float | None = None
+            self: Any,
+            request: Any,
+            /,
+            *,
+            priority: int | None = None,
+            deadline: float | None = None,
         ) -> Any:
             return call(self, request, priority, deadline)
 

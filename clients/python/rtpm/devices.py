@@ -83,14 +83,16 @@ class Device:
         """
         self._node = node or default_node()
         self._hold = hold
-        self._core: _core.Device | None = _core.Device(self._node.core, target, hold, patience, stall)
+        self._core: _core.Device | None = _core.Device(
+            self._node.core, target, hold, patience, stall
+        )
         with device_rtpm.DeviceClient(target, node=self._node) as client:
             self._description = client.describe()
 
     @property
     def core(self) -> _core.Device:
         """The extension's device."""
-        self._node.core  # Raises in a forked process.
+        self._node.check()
         if self._core is None:
             raise errors.Error("this device is closed")
         return self._core
@@ -109,7 +111,9 @@ class Device:
         """The newest sample."""
         return Sample.from_buffer_copy(self.core.read(priority))
 
-    def command(self, *, hold: float | None = None, patience: float = 2.0, take_over: bool = False) -> Tip:
+    def command(
+        self, *, hold: float | None = None, patience: float = 2.0, take_over: bool = False
+    ) -> Tip:
         """Acquires the device's lease, for use in a `with` statement.
 
         hold: for how many seconds a command lasts without a newer one (0.010). patience: for how long
@@ -138,7 +142,10 @@ class Device:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.close()
 
@@ -251,14 +258,19 @@ class Tip:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         try:
             self.release()
         except (errors.DeviceError, errors.CallError):
             # The lease has ended already, or ends with the silence; the body's own error matters more.
             if error is None and kind is None:
-                _log.warning("%s: the lease could not be released", self._core.target, exc_info=True)
+                _log.warning(
+                    "%s: the lease could not be released", self._core.target, exc_info=True
+                )
 
     def _vector(self, name: str, value: Vector3Like) -> Vector3:
         if isinstance(value, Vector3):
@@ -275,7 +287,14 @@ class Tip:
 class Servo:
     """Models that a native loop renders. It stops with its tip, or by stop()."""
 
-    def __init__(self, device: Device, core: _core.Device, models: Iterable[Model], rate: float, priority: int) -> None:
+    def __init__(
+        self,
+        device: Device,
+        core: _core.Device,
+        models: Iterable[Model],
+        rate: float,
+        priority: int,
+    ) -> None:
         self._device = device
         self._target = core.target
         self._rate = rate
@@ -284,7 +303,9 @@ class Servo:
         self._core = _core.Servo(core, rate, priority, _models(models))
         self._ended = threading.Event()
         # Proves that the interpreter runs: without it the native loop takes the force away.
-        self._pulse = threading.Thread(target=self._beat, args=(core,), name="rtpm-pulse", daemon=True)
+        self._pulse = threading.Thread(
+            target=self._beat, args=(core,), name="rtpm-pulse", daemon=True
+        )
         self._pulse.start()
 
     def set(self, *models: Model) -> None:
@@ -328,8 +349,12 @@ class Servo:
 
 
 def device(
-    target: str, *, node: Node | None = None, hold: float = 0.010, patience: float = 0.0, stall: float = 0.5
+    target: str,
+    *,
+    node: Node | None = None,
+    hold: float = 0.010,
+    patience: float = 0.0,
+    stall: float = 0.5,
 ) -> Device:
     """Opens the device at `target`, a name such as "lab/arm0" or a URL."""
     return Device(target, node=node, hold=hold, patience=patience, stall=stall)
-

@@ -25,7 +25,9 @@ class Schema:
         self.servants: dict[str, type[servants.Servant]] = {}
         for index, service in enumerate(self.layout["services"]):
             self.clients[service["name"]] = calls.client_class(self, index, module)
-            self.async_clients[service["name"]] = asynchronous.async_client_class(self, index, module)
+            self.async_clients[service["name"]] = asynchronous.async_client_class(
+                self, index, module
+            )
             self.servants[service["name"]] = servants.servant_class(self, index, module)
 
     def names(self) -> dict[str, Any]:

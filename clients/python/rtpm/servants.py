@@ -28,7 +28,7 @@ _KINDS = ("BadRequest", "Failed", "NoSuchObject", "NotAllowed", "NotLeaseHolder"
 
 
 class Refusal(Exception):
-    """What a servant's method raises to refuse a call, with a sentence for the caller.
+    """Refuses a call, when a servant's method raises it, with a sentence for the caller.
 
     kind: "BadRequest" (not done: a value is wrong), "Overload" (not done: too busy), "NotLeaseHolder",
     "NotAllowed", "NoSuchObject" (not done: the target is gone), or "Failed" (begun and failed). The
@@ -42,7 +42,7 @@ class Refusal(Exception):
         self.kind = kind
 
 
-class Servant(abc.ABC):
+class Servant(abc.ABC):  # noqa: B024 (generated classes have the methods)
     """An object that serves calls. Derive from a generated class, such as `ArmServant`.
 
     Methods are ordinary or `async`; a method that answers with a stream is a generator. An exception
@@ -81,7 +81,9 @@ class Server:
         self._core = _core.Server(self._node.core, host, port, queue)
         for path, servant in servants.items():
             if not isinstance(servant, Servant) or servant._rtpm_schema_ is None:
-                raise TypeError(f"{path}: serve takes a servant of a generated class, not {type(servant).__name__}")
+                raise TypeError(
+                    f"{path}: serve takes a servant of a generated class, not {type(servant).__name__}"
+                )
             self._core.add(path, servant._rtpm_schema_.core, servant._rtpm_service_)
         self._is_ending = threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -89,7 +91,8 @@ class Server:
         self._loop_lock = threading.Lock()
         self._core.start(named)
         self._workers = [
-            threading.Thread(target=self._work, name=f"rtpm-worker-{number}") for number in range(workers)
+            threading.Thread(target=self._work, name=f"rtpm-worker-{number}")
+            for number in range(workers)
         ]
         endings.before_exit(self)
         for worker in self._workers:
@@ -113,6 +116,7 @@ class Server:
             if worker is not threading.current_thread():
                 worker.join()
         if self._loop is not None and self._loop_thread is not None:
+            asyncio.run_coroutine_threadsafe(_cancel_tasks(), self._loop).result()
             self._loop.call_soon_threadsafe(self._loop.stop)
             self._loop_thread.join()
             self._loop.close()
@@ -121,7 +125,10 @@ class Server:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.stop()
 
@@ -140,7 +147,9 @@ class Server:
 
     def _run(self, job: _core.Job) -> None:
         servant = self._servants[job.servant]
-        method = servant._rtpm_schema_.layout["services"][servant._rtpm_service_]["methods"][job.method]
+        method = servant._rtpm_schema_.layout["services"][servant._rtpm_service_]["methods"][
+            job.method
+        ]
         function = getattr(servant, method["attribute"])
         try:
             if method["request"] is None:
@@ -153,21 +162,25 @@ class Server:
             if job.is_stream:
                 self._stream(job, result, function)
             elif inspect.isawaitable(result):
-                asyncio.run_coroutine_threadsafe(self._finish(job, result, function), self._event_loop())
+                asyncio.run_coroutine_threadsafe(
+                    self._finish(job, result, function), self._event_loop()
+                )
             else:
                 job.complete(result)
-        except BaseException as error:  # noqa: BLE001
+        except BaseException as error:
             self._fail(job, error, function)
 
     async def _finish(self, job: _core.Job, result: Awaitable[Any], function: Any) -> None:
         try:
             job.complete(await result)
-        except BaseException as error:  # noqa: BLE001
+        except BaseException as error:
             self._fail(job, error, function)
 
     def _stream(self, job: _core.Job, items: Any, function: Any) -> None:
         if isinstance(items, AsyncIterator):
-            asyncio.run_coroutine_threadsafe(self._stream_async(job, items, function), self._event_loop())
+            asyncio.run_coroutine_threadsafe(
+                self._stream_async(job, items, function), self._event_loop()
+            )
             return
         for item in items:
             if not job.write(item):
@@ -185,7 +198,7 @@ class Server:
                 if not await loop.run_in_executor(None, job.write, item):
                     return
             job.finish()
-        except BaseException as error:  # noqa: BLE001
+        except BaseException as error:
             self._fail(job, error, function)
 
     def _fail(self, job: _core.Job, error: BaseException, function: Any) -> None:
@@ -203,9 +216,19 @@ class Server:
         with self._loop_lock:
             if self._loop is None:
                 self._loop = asyncio.new_event_loop()
-                self._loop_thread = threading.Thread(target=self._loop.run_forever, name="rtpm-loop")
+                self._loop_thread = threading.Thread(
+                    target=self._loop.run_forever, name="rtpm-loop"
+                )
                 self._loop_thread.start()
             return self._loop
+
+
+async def _cancel_tasks() -> None:
+    """Cancels the other tasks of this loop."""
+    tasks = asyncio.all_tasks() - {asyncio.current_task()}
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def serve(
@@ -219,7 +242,9 @@ def serve(
     queue: int = 64,
 ) -> Server:
     """Serves objects by their paths: `with rtpm.serve({"lab/arm0": Arm()}) as server: server.wait()`."""
-    return Server(servants, node=node, host=host, port=port, named=named, workers=workers, queue=queue)
+    return Server(
+        servants, node=node, host=host, port=port, named=named, workers=workers, queue=queue
+    )
 
 
 def servant_class(schema: Schema, index: int, module: str) -> type[Servant]:

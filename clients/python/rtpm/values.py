@@ -74,7 +74,10 @@ class Struct(ctypes.Structure):
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        return all(_plain(getattr(self, name)) == _plain(getattr(other, name)) for name in self._rtpm_names_)
+        return all(
+            _plain(getattr(self, name)) == _plain(getattr(other, name))
+            for name in self._rtpm_names_
+        )
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -171,12 +174,17 @@ class Table:
                 setattr(self, name, default())
         if fields:
             known = ", ".join(self._rtpm_fields_)
-            raise TypeError(f"{type(self).__name__} has no field '{next(iter(fields))}'; it has {known}")
+            raise TypeError(
+                f"{type(self).__name__} has no field '{next(iter(fields))}'; it has {known}"
+            )
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        return all(_plain(getattr(self, name)) == _plain(getattr(other, name)) for name in self._rtpm_fields_)
+        return all(
+            _plain(getattr(self, name)) == _plain(getattr(other, name))
+            for name in self._rtpm_fields_
+        )
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -185,7 +193,10 @@ class Table:
         return f"{type(self).__name__}({fields})"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restore_table, (self._rtpm_key_, {name: _pickled(getattr(self, name)) for name in self._rtpm_fields_})
+        return _restore_table, (
+            self._rtpm_key_,
+            {name: _pickled(getattr(self, name)) for name in self._rtpm_fields_},
+        )
 
     def __replace__(self: _T, **changes: Any) -> _T:
         return type(self)(**({name: getattr(self, name) for name in self._rtpm_fields_} | changes))
@@ -275,11 +286,15 @@ def struct_bytes(kind: type[Struct], values: Any, path: str) -> bytes:
     if isinstance(values, (list, tuple, ctypes.Array)):
         for number, value in enumerate(values):
             if not isinstance(value, kind):
-                raise TypeError(f"{path}[{number}] takes a {kind.__name__}, not {type(value).__name__}")
+                raise TypeError(
+                    f"{path}[{number}] takes a {kind.__name__}, not {type(value).__name__}"
+                )
         return b"".join(bytes(value) for value in values)
     data = memoryview(values).tobytes()
     if len(data) % ctypes.sizeof(kind):
-        raise ValueError(f"{path} takes {ctypes.sizeof(kind)} bytes per {kind.__name__}, not {len(data)} in all")
+        raise ValueError(
+            f"{path} takes {ctypes.sizeof(kind)} bytes per {kind.__name__}, not {len(data)} in all"
+        )
     return data
 
 
@@ -341,7 +356,11 @@ class Classes:
             if not item["is_union"]:
                 yield item["class"], kind
                 continue
-            members = [str if base == _STRING else self.objects[index] for _, _, base, index, _ in item["values"] if base]
+            members = [
+                str if base == _STRING else self.objects[index]
+                for _, _, base, index, _ in item["values"]
+                if base
+            ]
             union = members[0]
             for member in members[1:]:
                 union = union | member
@@ -418,11 +437,15 @@ class Classes:
             },
         )
         if ctypes.sizeof(struct) != item["size"]:
-            raise AssertionError(f"{item['name']} has {item['size']} bytes, but ctypes makes {ctypes.sizeof(struct)}")
+            raise AssertionError(
+                f"{item['name']} has {item['size']} bytes, but ctypes makes {ctypes.sizeof(struct)}"
+            )
         for name, field in zip(names, item["fields"], strict=True):
             raw = struct.__dict__[name]
             if raw.offset != field["offset"]:
-                raise AssertionError(f"{item['name']}.{name} is at {field['offset']}, but ctypes puts it at {raw.offset}")
+                raise AssertionError(
+                    f"{item['name']}.{name} is at {field['offset']}, but ctypes puts it at {raw.offset}"
+                )
             setattr(struct, name, _checked(item["class"], field, name, raw, self.enums))
         return struct
 
@@ -518,7 +541,9 @@ def _checked(owner: str, field: dict[str, Any], name: str, raw: Any, enums: list
             raise TypeError(f"{path} takes a number, not {type(value).__name__}") from None
 
     bits = raw.size * 8
-    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if base in (3, 5, 7, 9) else (0, (1 << bits) - 1)
+    low, high = (
+        (-(1 << bits - 1), (1 << bits - 1) - 1) if base in (3, 5, 7, 9) else (0, (1 << bits) - 1)
+    )
 
     def set_integer(self: Any, value: Any) -> None:
         try:
@@ -548,8 +573,17 @@ def _checked(owner: str, field: dict[str, Any], name: str, raw: Any, enums: list
         except TypeError:
             raise TypeError(f"{path} takes a {kind.__name__}, not {type(value).__name__}") from None
 
-    set_value = {_ARRAY: set_array, _OBJECT: set_struct, 11: set_real, 12: set_real, _BOOL: raw.__set__}
-    doc = "; ".join(text for text in (" ".join(field["doc"].split()), _quantity(field)) if text) or None
+    set_value = {
+        _ARRAY: set_array,
+        _OBJECT: set_struct,
+        11: set_real,
+        12: set_real,
+        _BOOL: raw.__set__,
+    }
+    doc = (
+        "; ".join(text for text in (" ".join(field["doc"].split()), _quantity(field)) if text)
+        or None
+    )
     return property(get_enum if named else raw.__get__, set_value.get(base, set_integer), doc=doc)
 
 

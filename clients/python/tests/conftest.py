@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
 import rtpm
 
 PROGRAMS = Path(os.environ["RTPM_PROGRAMS"])
@@ -20,8 +19,11 @@ class Program:
     """A server, ended with the test."""
 
     def __init__(self, name: str, *arguments: str, folder: Path) -> None:
-        environment = os.environ | {"RTPM_RUNTIME_FOLDER": str(folder), "RTPM_KEYS": str(folder / "no-keys"),
-                                    "XDG_STATE_HOME": str(folder)}
+        environment = os.environ | {
+            "RTPM_RUNTIME_FOLDER": str(folder),
+            "RTPM_KEYS": str(folder / "no-keys"),
+            "XDG_STATE_HOME": str(folder),
+        }
         self.process = subprocess.Popen(
             [str(PROGRAMS / name), *arguments], stdout=subprocess.PIPE, text=True, env=environment
         )
@@ -50,7 +52,15 @@ class Laboratory:
     def start_devices(self, *arguments: str) -> Program:
         return Program(
             "rtpm-deviced",
-            *("--port", "0", "--registry", self.registry.url, "--serve-events", "--device-arm0-hand", str(HAND)),
+            *(
+                "--port",
+                "0",
+                "--registry",
+                self.registry.url,
+                "--serve-events",
+                "--device-arm0-hand",
+                str(HAND),
+            ),
             *arguments,
             folder=self.folder,
         )

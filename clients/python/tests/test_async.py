@@ -9,9 +9,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from test_servants import echo_of, lab  # noqa: F401
-
 import rtpm
+from test_servants import echo_of, lab  # noqa: F401
 
 
 @pytest.fixture(scope="module")
@@ -23,12 +22,16 @@ def served(lab: Any, node: rtpm.Node) -> Iterator[Any]:  # noqa: F811
 
 @pytest.fixture(params=["udp", "tcp", "shm"])
 def client(request: pytest.FixtureRequest, lab: Any, served: Any, laboratory: Any) -> Any:  # noqa: F811
-    return lab.EchoAsyncClient("test/async", node=rtpm.Node(laboratory.registry.url, transport=request.param))
+    return lab.EchoAsyncClient(
+        "test/async", node=rtpm.Node(laboratory.registry.url, transport=request.param)
+    )
 
 
 def test_calls_overlap_on_one_loop(lab: Any, client: Any) -> None:  # noqa: F811
     async def run() -> list[Any]:
-        return await asyncio.gather(*(client.later(lab.Text(count=number), deadline=5) for number in range(40)))
+        return await asyncio.gather(
+            *(client.later(lab.Text(count=number), deadline=5) for number in range(40))
+        )
 
     assert [reply.count for reply in asyncio.run(run())] == list(range(40))
 

@@ -12,9 +12,8 @@ import time
 from typing import Any
 
 import pytest
-from conftest import Laboratory
-
 import rtpm
+from conftest import Laboratory
 
 
 @pytest.fixture
@@ -166,5 +165,7 @@ def test_a_program_ends(laboratory: Laboratory, ending: str) -> None:
         "arm.read()\n"
         "print('read')\n"
     ) + ENDINGS[ending]
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False
+    )
     assert (done.returncode, done.stdout, done.stderr) == (0, "read\n", "")

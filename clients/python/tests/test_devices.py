@@ -12,9 +12,8 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from conftest import Laboratory
-
 import rtpm
+from conftest import Laboratory
 
 # Bits of driver::Fault.
 COMMAND_NOT_FINITE = 1 << 8
@@ -75,7 +74,9 @@ def test_a_native_loop_renders_a_wall_beside_a_computing_thread(arm: rtpm.Device
     thread = threading.Thread(target=compute)
     with arm.command() as tip:
         # The arm's hand moves within 0.02 m, so that it always presses on this wall.
-        servo = tip.render(rtpm.Wall(point_m=(0, 0, 0.05), normal=(0, 0, 1), stiffness_newton_per_m=50))
+        servo = tip.render(
+            rtpm.Wall(point_m=(0, 0, 0.05), normal=(0, 0, 1), stiffness_newton_per_m=50)
+        )
         thread.start()
         wait_until(lambda: force_of(arm) > 0)
         servo.set(rtpm.Spring(anchor_m=(0, 0, 0), stiffness_newton_per_m=0, force_newton_max=1))
@@ -88,7 +89,9 @@ def test_a_native_loop_renders_a_wall_beside_a_computing_thread(arm: rtpm.Device
 
 def test_a_wall_that_is_too_stiff_is_refused_with_the_number(arm: rtpm.Device) -> None:
     with arm.command() as tip:
-        with pytest.raises(ValueError, match=r"renders up to 1667 N/m here, not 9000; tip\.set_models"):
+        with pytest.raises(
+            ValueError, match=r"renders up to 1667 N/m here, not 9000; tip\.set_models"
+        ):
             tip.render(rtpm.Wall(normal=(0, 0, 1), stiffness_newton_per_m=9000))
         with pytest.raises(ValueError, match="stiffness_newton_per_m is 9000"):
             tip.set_models(rtpm.Wall(normal=(0, 0, 1), stiffness_newton_per_m=9000))
@@ -147,7 +150,9 @@ def test_wrong_values_are_named(arm: rtpm.Device) -> None:
         wait_until(lambda: not arm.read().faults & COMMAND_NOT_FINITE)
 
 
-def test_late_cycles_are_reported_at_the_end(arm: rtpm.Device, caplog: pytest.LogCaptureFixture) -> None:
+def test_late_cycles_are_reported_at_the_end(
+    arm: rtpm.Device, caplog: pytest.LogCaptureFixture
+) -> None:
     with arm.command() as tip, caplog.at_level(logging.WARNING, "rtpm"):
         for count, _ in enumerate(tip.loop(rate=500)):
             if count == 2:

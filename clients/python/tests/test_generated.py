@@ -1,4 +1,4 @@
-"""What `rtpmc --emit python` writes works, and type checkers know it."""
+"""Generated modules work, and type checkers know them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-
 import rtpm
 from rtpm import generated
 
@@ -29,7 +28,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (package / "py.typed").touch()
     rtpmc = Path(os.environ["RTPM_PROGRAMS"]) / "rtpmc"
     subprocess.run(
-        [rtpmc, "--emit", "python", "-o", package, "-I", SOURCES / "schema" / "idl", HERE / "lab.fbs"], check=True
+        [
+            rtpmc,
+            "--emit",
+            "python",
+            "-o",
+            package,
+            "-I",
+            SOURCES / "schema" / "idl",
+            HERE / "lab.fbs",
+        ],
+        check=True,
     )
     return made
 
@@ -44,7 +53,9 @@ def test_a_generated_module_has_the_classes(lab: Any) -> None:
     assert lab.Force(1, 2, 3) + lab.Force(0, 0, 1) == lab.Force(1, 2, 4)
     assert lab.Drawing(title="a").mode is lab.Mode.Off
     assert "x: Towards the right.; newton, -20 to 20" in lab.Force.__doc__
-    assert lab.ArmClient.draw.__doc__.startswith("draw(request: Drawing, /, *, priority=None, deadline=None) -> Drawing")
+    assert lab.ArmClient.draw.__doc__.startswith(
+        "draw(request: Drawing, /, *, priority=None, deadline=None) -> Drawing"
+    )
     assert issubclass(lab.ArmClient, rtpm.Client)
     assert lab.Force.__module__ == "generated.lab_rtpm"
 
@@ -62,7 +73,15 @@ def test_a_module_of_a_later_version_says_what_to_do() -> None:
 
 def checked(folder: Path, source: str) -> tuple[int, str]:
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "--no-incremental", "--show-error-codes", HERE / source],
+        [
+            sys.executable,
+            "-m",
+            "mypy",
+            "--strict",
+            "--no-incremental",
+            "--show-error-codes",
+            HERE / source,
+        ],
         capture_output=True,
         text=True,
         env=os.environ | {"MYPYPATH": f"{folder}:{os.environ['PYTHONPATH']}"},
@@ -79,6 +98,13 @@ def test_types_allow_right_use(folder: Path) -> None:
 def test_types_refuse_wrong_use(folder: Path) -> None:
     _, text = checked(folder, "typed_misuse.py")
     lines = (HERE / "typed_misuse.py").read_text().splitlines()
-    expected = {(number, line.split("# expected: ")[1]) for number, line in enumerate(lines, 1) if "# expected" in line}
-    found = {(int(line), code) for line, code in re.findall(r"typed_misuse\.py:(\d+): error: .*\[([a-z-]+)\]", text)}
+    expected = {
+        (number, line.split("# expected: ")[1])
+        for number, line in enumerate(lines, 1)
+        if "# expected" in line
+    }
+    found = {
+        (int(line), code)
+        for line, code in re.findall(r"typed_misuse\.py:(\d+): error: .*\[([a-z-]+)\]", text)
+    }
     assert found == expected, text

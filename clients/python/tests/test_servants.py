@@ -9,12 +9,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-
 import rtpm
 from rtpm import schemas
 
@@ -28,10 +27,20 @@ def lab() -> Any:
     return type("Lab", (), schemas.Schema(text).names())
 
 
-ATTRIBUTES = "".join(
-    f'attribute "{name}";\n'
-    for name in ("rtpm_id", "rtpm_unit", "rtpm_range", "rtpm_stream", "rtpm_oneway", "rtpm_idempotent")
-) + "namespace rtpm; table Empty {}\n"
+ATTRIBUTES = (
+    "".join(
+        f'attribute "{name}";\n'
+        for name in (
+            "rtpm_id",
+            "rtpm_unit",
+            "rtpm_range",
+            "rtpm_stream",
+            "rtpm_oneway",
+            "rtpm_idempotent",
+        )
+    )
+    + "namespace rtpm; table Empty {}\n"
+)
 
 
 def echo_of(lab: Any) -> Any:
@@ -101,10 +110,15 @@ def test_a_number_out_of_range_is_refused_with_its_field(lab: Any, client: Any) 
         client.turn(lab.Force(x=30))
 
 
-def test_failures_reach_the_caller_and_the_log(lab: Any, client: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_failures_reach_the_caller_and_the_log(
+    lab: Any, client: Any, caplog: pytest.LogCaptureFixture
+) -> None:
     with pytest.raises(rtpm.Overload, match="overloaded"):
         client.fail(lab.Text(count=1))
-    with caplog.at_level(logging.ERROR, "rtpm"), pytest.raises(rtpm.ServantFailed, match="KeyError: 'abc'") as caught:
+    with (
+        caplog.at_level(logging.ERROR, "rtpm"),
+        pytest.raises(rtpm.ServantFailed, match="KeyError: 'abc'") as caught,
+    ):
         client.fail(lab.Text(text="abc"))
     assert caught.value.was_run is True
     assert "raise KeyError" in caplog.text
@@ -153,7 +167,9 @@ def test_a_call_that_waited_too_long_is_not_run(lab: Any, node: rtpm.Node) -> No
 
 
 def test_wrong_servants_are_named(lab: Any, node: rtpm.Node) -> None:
-    with pytest.raises(TypeError, match="test/x: serve takes a servant of a generated class, not int"):
+    with pytest.raises(
+        TypeError, match="test/x: serve takes a servant of a generated class, not int"
+    ):
         rtpm.serve({"test/x": 3}, node=node)  # type: ignore[dict-item]
     with pytest.raises(TypeError, match="abstract"):
         lab.EchoServant()
@@ -173,6 +189,11 @@ def test_a_program_with_a_running_server_ends(laboratory: Any) -> None:
         "print(client.turn(lab.Force(1, 2, 3)).x)\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, str(HERE)], capture_output=True, text=True, timeout=30, check=False, env=os.environ
+        [sys.executable, "-c", code, str(HERE)],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+        env=os.environ,
     )
     assert (done.returncode, done.stdout) == (0, "-1.0\n"), done.stderr

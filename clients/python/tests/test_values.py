@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 import rtpm
 from rtpm import schemas
 
@@ -114,7 +113,13 @@ def test_a_table_of_every_kind_comes_back_equal(lab: Any) -> None:
 
 def test_absent_fields_have_their_defaults(lab: Any) -> None:
     back = through_the_wire(lab, lab.Everything(title="t"))
-    assert (back.flag, back.tiny, back.rate_hz, back.mode, back.maybe) == (True, -3, 2.5, lab.Mode.Follow, None)
+    assert (back.flag, back.tiny, back.rate_hz, back.mode, back.maybe) == (
+        True,
+        -3,
+        2.5,
+        lab.Mode.Follow,
+        None,
+    )
     assert (back.note, back.force, back.part, back.shape) == ("", None, None, None)
     assert (list(back.numbers), back.bytes, back.names) == ([], b"", [])
 
@@ -125,14 +130,29 @@ def test_structs_are_buffers_of_their_wire_bytes(lab: Any) -> None:
     view = np.asarray(force)
     force.x = 9
     assert view["x"] == 9
-    mixed = lab.Mixed(flag=True, small=-1, mode=lab.Mode.Follow, big=2**64 - 1, force=force, counts=[1, 2, 3, 4], from_=-2)
-    assert (mixed.force, mixed.mode, list(mixed.counts), mixed.from_) == (force, lab.Mode.Follow, [1, 2, 3, 4], -2)
+    mixed = lab.Mixed(
+        flag=True,
+        small=-1,
+        mode=lab.Mode.Follow,
+        big=2**64 - 1,
+        force=force,
+        counts=[1, 2, 3, 4],
+        from_=-2,
+    )
+    assert (mixed.force, mixed.mode, list(mixed.counts), mixed.from_) == (
+        force,
+        lab.Mode.Follow,
+        [1, 2, 3, 4],
+        -2,
+    )
     assert rtpm.replace(mixed, count=5).count == 5
 
 
 def test_vectors_take_buffers_and_sequences(lab: Any) -> None:
     numbers = np.linspace(0, 1, 1000)
-    back = through_the_wire(lab, lab.Everything(title="t", numbers=numbers, forces=np.zeros((2, 3)).view(np.uint8)))
+    back = through_the_wire(
+        lab, lab.Everything(title="t", numbers=numbers, forces=np.zeros((2, 3)).view(np.uint8))
+    )
     assert np.array_equal(np.asarray(back.numbers), numbers)
     assert len(back.forces) == 2
     assert np.frombuffer(back.forces, dtype=np.float64).shape == (6,)
@@ -146,12 +166,36 @@ def test_wrong_values_name_their_field(lab: Any) -> None:
         (lambda: lab.Mixed(counts=[1]), ValueError, r"Mixed\.counts takes 4 values, not 1"),
         (lambda: lab.Everything(), TypeError, r"Everything needs the field 'title'"),
         (lambda: lab.Everything(title="t", tilte=1), TypeError, r"Everything has no field 'tilte'"),
-        (lambda: through_the_wire(lab, lab.Everything(title=3)), TypeError, r"Everything\.title takes a str, not int"),
-        (lambda: through_the_wire(lab, lab.Everything(title="t", tiny=200)), ValueError, r"Everything\.tiny takes int8"),
-        (lambda: through_the_wire(lab, lab.Everything(title="t", force=3)), TypeError, r"Everything\.force takes a Force"),
-        (lambda: through_the_wire(lab, lab.Everything(title="t", shape=3)), TypeError, r"takes a Circle or Square, not int"),
-        (lambda: through_the_wire(lab, lab.Everything(title="t", numbers="ab")), TypeError, r"Everything\.numbers takes"),
-        (lambda: through_the_wire(lab, lab.Everything(title="t", names=[1])), TypeError, r"Everything\.names\[0\] takes a str"),
+        (
+            lambda: through_the_wire(lab, lab.Everything(title=3)),
+            TypeError,
+            r"Everything\.title takes a str, not int",
+        ),
+        (
+            lambda: through_the_wire(lab, lab.Everything(title="t", tiny=200)),
+            ValueError,
+            r"Everything\.tiny takes int8",
+        ),
+        (
+            lambda: through_the_wire(lab, lab.Everything(title="t", force=3)),
+            TypeError,
+            r"Everything\.force takes a Force",
+        ),
+        (
+            lambda: through_the_wire(lab, lab.Everything(title="t", shape=3)),
+            TypeError,
+            r"takes a Circle or Square, not int",
+        ),
+        (
+            lambda: through_the_wire(lab, lab.Everything(title="t", numbers="ab")),
+            TypeError,
+            r"Everything\.numbers takes",
+        ),
+        (
+            lambda: through_the_wire(lab, lab.Everything(title="t", names=[1])),
+            TypeError,
+            r"Everything\.names\[0\] takes a str",
+        ),
     ]
     for make, kind, pattern in cases:
         with pytest.raises(kind, match=pattern):
@@ -164,7 +208,7 @@ def test_damaged_bytes_are_an_error(lab: Any) -> None:
     for size in range(len(whole)):
         try:
             lab.schema.core.decode(index, whole[:size])
-        except Exception as error:  # noqa: BLE001
+        except Exception as error:
             assert type(error).__name__ == "BadReply"
 
 

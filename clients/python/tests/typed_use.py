@@ -1,11 +1,22 @@
 """Read by mypy only: what the generated types allow."""
 
-from generated.lab_rtpm import ArmAsyncClient, ArmClient, ArmServant, Circle, Drawing, Force, Mode, Square
+from generated.lab_rtpm import (
+    ArmAsyncClient,
+    ArmClient,
+    ArmServant,
+    Circle,
+    Drawing,
+    Force,
+    Mode,
+    Square,
+)
 
 
 def use(arm: ArmClient) -> float:
     arm.set_force(Force(0, 0, z=1.5), priority=24000, deadline=0.001)
-    drawing = arm.draw(Drawing(title="a", shape=Circle(radius_m=1), numbers=[1.0], mode=Mode.Follow))
+    drawing = arm.draw(
+        Drawing(title="a", shape=Circle(radius_m=1), numbers=[1.0], mode=Mode.Follow)
+    )
     arm.close()
     match drawing.shape:
         case Circle(radius_m=radius):
