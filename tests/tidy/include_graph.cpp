@@ -168,14 +168,15 @@ const std::vector<Foreign>& foreigners() {
       // program has the signals and streams that every program shares, options the environment;
       // driver_host loads plug-ins; the devices are drivers of hardware and a program that
       // devices/mpv starts; rtpm looks at terminals, files and this host; the console names the
-      // host, and needs random numbers.
+      // host, and needs random numbers; Python's event loops wait for descriptors, and it forks.
       {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
                   "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc)\\.h)"),
        "the operating system",
        {"runtime/access/src/", "runtime/rt/", "runtime/transport/", "runtime/program/src/",
         "runtime/options/src/", "gvd/driver_host/src/", "gvd/recording/file/src/",
         "devices/evdev/src/", "devices/falcon/src/", "devices/hid/src/", "devices/io/src/",
-        "devices/mpv/src/", "devices/serial/src/", "clients/console/", "clients/rtpm/"}},
+        "devices/mpv/src/", "devices/serial/src/", "clients/console/", "clients/python/src/",
+        "clients/rtpm/"}},
   };
   return kForeigners;
 }

@@ -44,6 +44,7 @@ from .errors import (
     WrongBand,
     WrongInterface,
 )
+from .events import Events, Filter, Received, Supplier, correlate, events, silence, supplier
 from .servants import Refusal, Servant, Server, serve
 from .values import Buffer, Event, Struct, Table, Vector, replace
 
@@ -92,7 +93,9 @@ __all__ = [
     "EmergencyStopped",
     "Error",
     "Event",
+    "Events",
     "Expired",
+    "Filter",
     "ForkedError",
     "Friction",
     "LeaseHeld",
@@ -112,6 +115,7 @@ __all__ = [
     "Plane",
     "PriorityNotAllowed",
     "Quaternion",
+    "Received",
     "Refusal",
     "Refused",
     "Sample",
@@ -127,6 +131,7 @@ __all__ = [
     "Stream",
     "StreamLost",
     "Struct",
+    "Supplier",
     "Table",
     "Timeout",
     "Tip",
@@ -142,10 +147,14 @@ __all__ = [
     "close",
     "connect",
     "connect_async",
+    "correlate",
     "device",
+    "events",
     "many",
     "replace",
     "serve",
+    "silence",
+    "supplier",
     "transport_of",
     "url_of",
 ]

@@ -2,6 +2,7 @@
 
 #include "calls.hpp"
 #include "devices.hpp"
+#include "events.hpp"
 #include "node.hpp"
 #include "schema.hpp"
 #include "servants.hpp"
@@ -17,4 +18,5 @@ NB_MODULE(_core, module) {
   rtpm::python::define_calls(module);
   rtpm::python::define_devices(module);
   rtpm::python::define_servants(module);
+  rtpm::python::define_events(module);
 }

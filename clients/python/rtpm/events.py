@@ -1,0 +1,435 @@
+"""Events: subscriptions to a hub, with filters, and suppliers.
+
+Events wait in a bounded queue outside Python until the program takes them; what it takes too late is
+dropped and counted.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import logging
+import time
+import types
+from collections.abc import Iterable, Iterator
+from types import TracebackType
+from typing import Any, Generic, TypeVar, Union, cast
+
+from . import _core, endings, errors, schemas, values
+from .calls import Node, default_node
+from .values import Event, Struct
+
+_log = logging.getLogger("rtpm")
+
+_E = TypeVar("_E", bound=Event)
+_EventClass = type[Event]
+
+#: Larger numbers belong to the hub: events::kEventTypeMax.
+_TYPE_MAX = 0x7FFF_FFFF
+_HUB_NAMES = {0x8000_0001: "timeout", 0x8000_0002: "link"}
+#: Device events; their source is a hash of the device's name: schema/idl/device_events.fbs.
+_DEVICE_TYPES = range(1380974593, 1380974601)
+_DEVICE = "rtpm.device.Device"
+#: How often unknown types and names are asked for again, in seconds.
+_ASK_INTERVAL = 1.0
+
+
+# ---- filters ------------------------------------------------------------------------------------
+
+
+class Filter:
+    """Which events a subscription gets. Filters combine by `|`, `&` and `~`."""
+
+    __slots__ = ("text", "types")
+
+    def __init__(self, text: str, types: tuple[type[Event], ...] = ()) -> None:
+        #: As `rtpm echo --filter` takes it.
+        self.text = text
+        #: Event classes that it names.
+        self.types = types
+
+    def __or__(self, other: Any) -> Filter:
+        return _joined(" or ", self, other)
+
+    def __ror__(self, other: Any) -> Filter:
+        return _joined(" or ", other, self)
+
+    def __and__(self, other: Any) -> Filter:
+        return _joined(" and ", self, other)
+
+    def __rand__(self, other: Any) -> Filter:
+        return _joined(" and ", other, self)
+
+    def __invert__(self) -> Filter:
+        return Filter(f"not ({self.text})", self.types)
+
+    def __repr__(self) -> str:
+        return f"rtpm.Filter({self.text!r})"
+
+
+#: A filter, its text, an event's class, a union of classes, or a list of any of these.
+Where = Union[Filter, str, type[Event], types.UnionType, Iterable[Any], None]
+
+
+def filter_of(where: Where) -> Filter:
+    """The filter that `where` means; None means all events."""
+    if where is None:
+        return Filter("all")
+    if isinstance(where, Filter):
+        return where
+    if isinstance(where, str):
+        return Filter(where)
+    if isinstance(where, type):
+        if not issubclass(where, Event) or not where.type_number:
+            raise TypeError(f"where takes the class of an event, not {where.__name__}")
+        return Filter(f"type({where.type_number})", (where,))
+    if isinstance(where, types.UnionType):
+        where = where.__args__
+    if not isinstance(where, Iterable):
+        raise TypeError(f"where takes a text, an event's class or a list of them, not {type(where).__name__}")
+    parts = list(where)
+    if not parts:
+        raise ValueError("where takes at least one event's class")
+    return functools.reduce(functools.partial(_joined, " or "), parts) if len(parts) > 1 else filter_of(parts[0])
+
+
+def correlate(*of: Where, within: float | None = None) -> Filter:
+    """The newest event of each together, as a tuple, with origins at most `within` seconds apart."""
+    if len(of) < 2:
+        raise TypeError("correlate takes at least two kinds of events")
+    first, *others = [filter_of(each) for each in of]
+    word = "with" if within is None else f"within {_nanoseconds(within)}ns of"
+    text = f"(({first.text}) {word} {', '.join(f'({each.text})' for each in others)})"
+    return Filter(text, sum((each.types for each in others), first.types))
+
+
+def silence(seconds: float) -> Filter:
+    """A timeout whenever nothing else was delivered for so long: an event whose `is_timeout` is true."""
+    return Filter(f"silence({_nanoseconds(seconds)}ns)")
+
+
+def _joined(word: str, left: Where, right: Where) -> Filter:
+    left, right = filter_of(left), filter_of(right)
+    return Filter(f"({left.text}){word}({right.text})", left.types + right.types)
+
+
+def _nanoseconds(seconds: float) -> int:
+    if not 0 < seconds < 1e9:
+        raise ValueError(f"a time takes seconds above 0, not {seconds}")
+    return round(seconds * 1e9)
+
+
+# ---- types --------------------------------------------------------------------------------------
+
+
+class EventType:
+    """An event's type with its schema."""
+
+    def __init__(self, kind: type[Event]) -> None:
+        self.kind = kind
+        self.name = kind._rtpm_key_[0]
+        self.schema: _core.Schema
+        self.index: int
+        self.schema, self.index = kind._rtpm_origin_
+        #: The struct that it consists of on the wire; None if it is a table.
+        self.struct = cast("type[Struct] | None", _core.payload_struct(self.schema, self.index))
+
+    @functools.cached_property
+    def record(self) -> Any:
+        """The class of a batch's elements."""
+        # All of eight bytes: numpy cannot read a structure's padding from ctypes.
+        fields = [("time_ns", ctypes.c_int64), ("source", ctypes.c_uint64), ("sequence", ctypes.c_uint64)]
+        body = {"_fields_": [*fields, ("payload", self.struct)], "__doc__": f"A {self.name} of a batch."}
+        return type(f"{self.kind.__name__}Record", (ctypes.Structure,), body)
+
+    def decode(self, payload: bytes) -> Any:
+        return self.schema.decode(self.index, payload)
+
+    def payload_of(self, value: Any) -> Any:
+        """What is sent for `value`, which may be the event or, if that is a struct's, the struct."""
+        if self.struct is None or not isinstance(value, self.kind):
+            return value
+        return getattr(value, self.kind.__match_args__[0])
+
+
+class Received:
+    """An event that was received."""
+
+    __slots__ = ("_events", "_payload", "_value", "sequence", "source", "time_ns", "type_number", "_type")
+
+    def __init__(self, events: Events, event: tuple[int, int, int, int, int, bytes]) -> None:
+        self.type_number, schema_id, self.time_ns, self.source, self.sequence, self._payload = event
+        self._events = events
+        self._type = events._type_of(self.type_number, schema_id)
+
+    @property
+    def type(self) -> _EventClass | None:
+        """The event's class; None for timeouts, and if the hub does not know the schema."""
+        return self._type.kind if self._type else None
+
+    @property
+    def name(self) -> str:
+        """The type's name, "lab.Touched"; its number if the hub does not know it."""
+        return self._type.name if self._type else _HUB_NAMES.get(self.type_number, str(self.type_number))
+
+    @property
+    def is_timeout(self) -> bool:
+        """Whether this tells that a time has passed, for example of silence."""
+        return self.type_number == 0x8000_0001
+
+    @property
+    def value(self) -> Any:
+        """The payload: the event's struct if it has nothing else, else the event; bytes without a schema."""
+        if not hasattr(self, "_value"):
+            self._value = self._type.decode(self._payload) if self._type else self._payload
+        return self._value
+
+    @property
+    def device(self) -> str | None:
+        """The name of the device that sent it, such as "lab/arm0", if it is a device's event and its name is known."""
+        return self._events._device_of(self.source) if self.type_number in _DEVICE_TYPES else None
+
+    def __repr__(self) -> str:
+        return f"<{self.name} {self.time_ns} ns, source {self.source}, #{self.sequence}: {self.value!r}>"
+
+
+# ---- subscriptions ------------------------------------------------------------------------------
+
+
+class Events:
+    """A subscription, as an iterator of events; those of a conjunction come together as a tuple."""
+
+    def __init__(
+        self,
+        where: Where = None,
+        *,
+        hub: str = "rtpm/events",
+        node: Node | None = None,
+        queue: int = 4096,
+        policy: str = "drop_oldest",
+    ) -> None:
+        """Subscribes to the events of `hub`, a name or a URL; see rtpm.events()."""
+        if policy not in ("drop_oldest", "keep_latest"):
+            raise ValueError(f"policy takes 'drop_oldest' or 'keep_latest', not {policy!r}")
+        if not 1 <= queue <= 1 << 20:
+            raise ValueError(f"queue takes 1 to {1 << 20}, not {queue}")
+        self._node = node or default_node()
+        selected = filter_of(where)
+        given = [EventType(kind) for kind in dict.fromkeys(selected.types)]
+        #: By number and fingerprint.
+        self._types = {(each.kind.type_number, each.kind.schema_id): each for each in given}
+        self._devices: dict[int, str] = {}
+        self._asked_types = self._asked_devices = -_ASK_INTERVAL
+        self._core: _core.Subscription | None = _core.Subscription(
+            self._node.core,
+            hub,
+            selected.text,
+            [(each.schema, each.index) for each in given],
+            queue,
+            policy == "keep_latest",
+        )
+        self._ended_lost_count = 0
+        endings.before_exit(self)
+
+    @property
+    def core(self) -> _core.Subscription:
+        """The extension's subscription."""
+        self._node.core  # Raises in a forked process.
+        if self._core is None:
+            raise errors.Error("this subscription is closed")
+        return self._core
+
+    def __iter__(self) -> Iterator[Any]:
+        return self
+
+    def __next__(self) -> Any:
+        return self.next()
+
+    def next(self, timeout: float | None = None) -> Any:
+        """The next event, or the tuple of a conjunction. Raises rtpm.Timeout if none arrives in time."""
+        received = tuple(Received(self, event) for event in self.core.next(timeout))
+        return received[0] if len(received) == 1 else received
+
+    def batches(self, count: int = 1024, timeout: float | None = None) -> Iterator[Any]:
+        """Yields waiting events, as soon as there are some, by up to `count` of one type at once.
+
+        A batch is a ctypes array of (time_ns, source, sequence, payload), of which numpy.asarray()
+        makes a structured array. All must be events of structs; timeouts are left out.
+        """
+        while True:
+            number, schema_id, size, is_part = self.core.peek(timeout)
+            if number > _TYPE_MAX:
+                self.core.next(0)
+                continue
+            known = self._type_of(number, schema_id)
+            if is_part or known is None or known.struct is None:
+                name = known.name if known else f"type {number}"
+                raise TypeError(f"{name}: batches takes single events of a struct; use next() for others")
+            if size != ctypes.sizeof(known.struct):
+                self.core.next(0)
+                raise errors.BadReply(f"{known.name}: an event has {size} bytes, its schema {ctypes.sizeof(known.struct)}")
+            record = known.record
+            data = self.core.take_records(
+                count, number, schema_id, size, record.payload.offset, ctypes.sizeof(record)
+            )
+            if data:
+                yield (record * (len(data) // ctypes.sizeof(record))).from_buffer(data)
+
+    @property
+    def losses(self) -> int:
+        """How many events were lost so far: the hub, the way or this program's queue had no place for them."""
+        return self._ended_lost_count if self._core is None else self.core.lost_count
+
+    def fileno(self) -> int:
+        """A file descriptor that is readable while next() would return at once, for event loops."""
+        return self.core.fileno()
+
+    def close(self) -> None:
+        """Unsubscribes."""
+        core, self._core = self._core, None
+        if core is not None:
+            core.close()
+            self._ended_lost_count = core.lost_count
+
+    stop = close
+
+    def __enter__(self) -> Events:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _type_of(self, number: int, schema_id: int) -> EventType | None:
+        known = self._types.get((number, schema_id))
+        if known or number > _TYPE_MAX:
+            return known
+        now = time.monotonic()
+        if now - self._asked_types >= _ASK_INTERVAL:
+            self._asked_types = now
+            self._ask_types()
+        return self._types.get((number, schema_id))
+
+    def _ask_types(self) -> None:
+        try:
+            known = self.core.types()
+        except errors.Error as error:
+            _log.warning("the types of events are not known: %s", error)
+            return
+        for number, name, schema_id, text in known:
+            if (number, schema_id) in self._types or not text:
+                continue
+            try:
+                schema = schemas.schema_of(text)
+            except ValueError as error:
+                _log.warning("%s: %s", name, error)
+                continue
+            for index, item in enumerate(schema.layout["objects"]):
+                if item["event"] == number and item["fingerprint"] == schema_id:
+                    self._types[number, schema_id] = EventType(schema.classes.objects[index])
+
+    def _device_of(self, source: int) -> str | None:
+        now = time.monotonic()
+        if source not in self._devices and now - self._asked_devices >= _ASK_INTERVAL:
+            self._asked_devices = now
+            try:
+                entries = self._node.core.names("")
+            except errors.Error:
+                return None
+            for entry in entries:
+                if entry["interface"] == _DEVICE:
+                    self._devices[_hash(entry["name"])] = entry["name"]
+        return self._devices.get(source)
+
+
+def _hash(name: str) -> int:
+    """The source of a device's events: the 32-bit FNV-1a hash of its name."""
+    result = 0x811C9DC5
+    for byte in name.encode():
+        result = (result ^ byte) * 0x01000193 & 0xFFFF_FFFF
+    return result
+
+
+def events(
+    where: Where = None,
+    *,
+    hub: str = "rtpm/events",
+    node: Node | None = None,
+    queue: int = 4096,
+    policy: str = "drop_oldest",
+) -> Events:
+    """Subscribes to the events of a hub, for use in a `with` statement.
+
+    where: a text such as "type(lab.Touched) and force.z > 2", an event's class, a list of classes, or
+    a filter by rtpm.correlate() and rtpm.silence(), combined by `|`; all events if None. queue: how
+    many events wait at most for this program. policy: what gives way when they are too many: the
+    oldest, or with "keep_latest" all but the newest of each type and source.
+    """
+    return Events(where, hub=hub, node=node, queue=queue, policy=policy)
+
+
+# ---- suppliers ----------------------------------------------------------------------------------
+
+
+class Supplier(Generic[_E]):
+    """Pushes events of one type to a hub."""
+
+    def __init__(
+        self, kind: type[_E], *, hub: str = "rtpm/events", source: int = 0, node: Node | None = None
+    ) -> None:
+        """A supplier for `hub`, a name or a URL, whose events come from `source`."""
+        filter_of(kind)  # Raises if it is no event.
+        self._node = node or default_node()
+        self._type = EventType(kind)
+        self._source = source
+        self._core: _core.Supplier | None = _core.Supplier(
+            self._node.core, (self._type.schema, self._type.index), hub
+        )
+
+    @property
+    def core(self) -> _core.Supplier:
+        """The extension's supplier."""
+        self._node.core  # Raises in a forked process.
+        if self._core is None:
+            raise errors.Error("this supplier is closed")
+        return self._core
+
+    def push(self, value: _E | Struct, *, source: int | None = None, time_ns: int | None = None) -> None:
+        """Pushes an event, without waiting for its consumers.
+
+        time_ns: when it happened, by time.monotonic_ns(); now if None.
+        """
+        self.core.push(self._type.payload_of(value), self._source if source is None else source, time_ns)
+
+    def push_many(self, many: Iterable[_E | Struct], *, source: int | None = None) -> None:
+        """Pushes many events in few messages; of structs also as a buffer, such as a structured array."""
+        source = self._source if source is None else source
+        kind = self._type.struct
+        if kind is None:
+            self.core.push_many(many, source)
+            return
+        try:
+            memoryview(cast(Any, many))
+        except TypeError:
+            many = [self._type.payload_of(value) for value in many]
+        self.core.push_packed(values.struct_bytes(kind, many, "push_many"), ctypes.sizeof(kind), source)
+
+    def close(self) -> None:
+        """Ends the supplier."""
+        self._core = None
+
+    def __enter__(self) -> Supplier[_E]:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def supplier(
+    kind: type[_E], *, hub: str = "rtpm/events", source: int = 0, node: Node | None = None
+) -> Supplier[_E]:
+    """A supplier of events of class `kind` to a hub, for use in a `with` statement."""
+    return Supplier(kind, hub=hub, source=source, node=node)

@@ -1,0 +1,255 @@
+#include "subscription.hpp"
+
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "rtpm/base/printable.hpp"
+#include "rtpm/capture/hub_recorder.hpp"
+#include "rtpm/events/filter_text.hpp"
+#include "rtpm/events/hub_types.hpp"
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::python {
+namespace {
+
+/// The most bytes of payloads that wait for Python.
+constexpr std::size_t kByteMax = std::size_t{64} << 20;
+constexpr std::size_t kNoticeCountMax = 16;
+
+events::ConsumerConfig config_of(const SubscriptionSettings& settings) {
+  events::ConsumerConfig config{.name = "python"};
+  config.realtime = rt::RealtimeMode::kOff;
+  config.delivery.when_full =
+      settings.keeps_latest ? events::QueuePolicy::kKeepLatest : events::QueuePolicy::kDropOldest;
+  config.delivery.queue_capacity =
+      std::min(settings.queue_capacity,
+               settings.keeps_latest ? events::kLatestQueueCapacityMax : events::kQueueCapacityMax);
+  for (const auto& type : settings.types)
+    config.types.push_back(&type->descriptor);
+  return config;
+}
+
+}  // namespace
+
+expected<std::shared_ptr<Subscription>, SetupError> Subscription::open(
+    SharedNode node, SubscriptionSettings settings, std::string& filter_error) {
+  const auto known = events::HubTypes::ask(node->node, settings.hub);
+  if (!known) return unexpected{known.error()};
+  std::vector<const events::EventDescriptor*> types = known->list();
+  for (const auto& type : settings.types) {
+    if (known->find(type->descriptor.type) == nullptr) types.push_back(&type->descriptor);
+  }
+  auto filter = events::parse_filter(settings.filter, types);
+  if (!filter) {
+    filter_error = filter.error().what + '\n' + filter.error().picture(settings.filter);
+    return nullptr;
+  }
+  auto self = std::make_shared<Subscription>(std::move(node), std::move(settings));
+  events::ConsumerConfig config = config_of(self->settings_);
+  config.filter = *std::move(filter);
+  auto consumer =
+      events::Consumer::create(self->node_->node, self->settings_.hub, std::move(config), *self);
+  if (!consumer) return unexpected{std::move(consumer.error())};
+  const std::lock_guard lock(self->consumer_mutex_);
+  self->consumer_ = std::move(*consumer);
+  return self;
+}
+
+Subscription::Subscription(SharedNode node, SubscriptionSettings settings)
+    : node_(std::move(node)), settings_(std::move(settings)), process_(::getpid()) {}
+
+Subscription::~Subscription() {
+  close();
+  if (event_descriptor_ >= 0) ::close(event_descriptor_);
+}
+
+bool Subscription::wait(Duration span) {
+  std::unique_lock lock(mutex_);
+  return changed_.wait_for(lock, span, [this] { return has_news(); });
+}
+
+std::vector<WaitingEvent> Subscription::take() {
+  const std::lock_guard lock(mutex_);
+  std::vector<WaitingEvent> delivery;
+  while (!waiting_.empty()) {
+    delivery.push_back(remove_front());
+    if (!delivery.back().header.is_continued) break;
+  }
+  return delivery;
+}
+
+std::vector<WaitingEvent> Subscription::take_alike(std::size_t count_max,
+                                                   const events::EventHeader& header,
+                                                   std::size_t payload_size) {
+  const std::lock_guard lock(mutex_);
+  std::vector<WaitingEvent> events;
+  events.reserve(std::min(count_max, waiting_.size()));
+  while (!waiting_.empty() && events.size() < count_max) {
+    const WaitingEvent& next = waiting_.front();
+    if (next.header.type != header.type || next.header.schema_id != header.schema_id ||
+        next.header.is_continued || next.payload.size() != payload_size) {
+      break;
+    }
+    events.push_back(remove_front());
+  }
+  return events;
+}
+
+std::optional<std::pair<events::EventHeader, std::size_t>> Subscription::peek() const {
+  const std::lock_guard lock(mutex_);
+  if (waiting_.empty()) return std::nullopt;
+  return std::pair{waiting_.front().header, waiting_.front().payload.size()};
+}
+
+std::vector<std::string> Subscription::take_notices() {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> notices(notices_.begin(), notices_.end());
+  notices_.clear();
+  if (!has_news()) clear_signal();
+  return notices;
+}
+
+std::string Subscription::end_reason() const {
+  const std::lock_guard lock(mutex_);
+  return end_reason_;
+}
+
+bool Subscription::is_closed() const {
+  const std::lock_guard lock(mutex_);
+  return is_closed_;
+}
+
+std::int64_t Subscription::host_time_ns(const WaitingEvent& event) const {
+  const std::lock_guard lock(consumer_mutex_);
+  // The ring is on the hub's host, so both clocks are one. On other hosts only differences of the
+  // hub's times are valid; the origin is then late by the transit from the hub.
+  const bool is_same_clock = consumer_ != nullptr && consumer_->reads_ring();
+  const MonotonicTime origin = is_same_clock
+                                   ? event.header.origin
+                                   : event.received - (event.header.hub_sent - event.header.origin);
+  return to_ns(origin);
+}
+
+std::uint64_t Subscription::lost_count() const {
+  std::uint64_t count = 0;
+  {
+    const std::lock_guard lock(consumer_mutex_);
+    if (consumer_ != nullptr) count = consumer_->counters().losses.total();
+  }
+  const std::lock_guard lock(mutex_);
+  return lost_count_ + count;
+}
+
+int Subscription::file_descriptor() {
+  const std::lock_guard lock(mutex_);
+  if (event_descriptor_ < 0) {
+    event_descriptor_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (has_news()) signal();
+  }
+  return event_descriptor_;
+}
+
+void Subscription::close() {
+  if (::getpid() != process_) {
+    // In a forked child the consumer's threads do not exist, so nothing could end it.
+    static_cast<void>(consumer_.release());
+    return;
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    is_closed_ = true;
+    signal();
+  }
+  std::unique_ptr<events::Consumer> consumer;
+  {
+    const std::lock_guard lock(consumer_mutex_);
+    consumer = std::move(consumer_);
+  }
+  if (consumer == nullptr) return;
+  consumer->unsubscribe();
+  const std::lock_guard lock(mutex_);
+  lost_count_ += consumer->counters().losses.total();
+}
+
+void Subscription::on_events(std::span<const events::EventView> events) {
+  const MonotonicTime now = rt::now();
+  std::size_t size = 0;
+  for (const events::EventView& event : events)
+    size += event.payload.size();
+  const std::lock_guard lock(mutex_);
+  const bool fits = events.size() <= settings_.queue_capacity && size <= kByteMax;
+  if (!fits) {
+    ++lost_count_;
+    return;
+  }
+  if (settings_.keeps_latest && events.size() == 1) drop_like(events.front().header);
+  while (waiting_.size() + events.size() > settings_.queue_capacity ||
+         byte_count_ + size > kByteMax)
+    drop_oldest();
+  const bool had_news = has_news();
+  for (const events::EventView& event : events) {
+    WaitingEvent& added = waiting_.emplace_back(WaitingEvent{
+        event.header, now, std::vector<std::byte>(event.payload.begin(), event.payload.end())});
+    added.header.is_continued = &event != &events.back();
+  }
+  byte_count_ += size;
+  if (!had_news) signal();
+}
+
+void Subscription::on_notice(const events::Notice& notice) {
+  std::string text = printable(capture::text_of(notice, settings_.hub));
+  const std::lock_guard lock(mutex_);
+  if (notice.kind == events::NoticeKind::kEnded) {
+    end_reason_ = text;
+  } else if (!text.empty() && notices_.size() < kNoticeCountMax) {
+    notices_.push_back(std::move(text));
+  }
+  if (has_news()) signal();
+}
+
+void Subscription::drop_oldest() {
+  while (!waiting_.empty()) {
+    ++lost_count_;
+    if (!remove_front().header.is_continued) break;
+  }
+}
+
+void Subscription::drop_like(const events::EventHeader& header) {
+  // Only single events: a conjunction is one whole.
+  bool is_inside = false;
+  const auto found = std::ranges::find_if(waiting_, [&](const WaitingEvent& event) {
+    const bool is_single = !is_inside && !event.header.is_continued;
+    is_inside = event.header.is_continued;
+    return is_single && event.header.type == header.type && event.header.source == header.source;
+  });
+  if (found == waiting_.end()) return;
+  byte_count_ -= found->payload.size();
+  waiting_.erase(found);
+  ++lost_count_;
+}
+
+WaitingEvent Subscription::remove_front() {
+  WaitingEvent event = std::move(waiting_.front());
+  waiting_.pop_front();
+  byte_count_ -= event.payload.size();
+  if (!has_news()) clear_signal();
+  return event;
+}
+
+bool Subscription::has_news() const noexcept {
+  return !waiting_.empty() || !notices_.empty() || !end_reason_.empty() || is_closed_;
+}
+
+void Subscription::signal() noexcept {
+  changed_.notify_all();
+  if (event_descriptor_ >= 0) static_cast<void>(::eventfd_write(event_descriptor_, 1));
+}
+
+void Subscription::clear_signal() noexcept {
+  eventfd_t count = 0;
+  if (event_descriptor_ >= 0) static_cast<void>(::eventfd_read(event_descriptor_, &count));
+}
+
+}  // namespace rtpm::python

@@ -1,0 +1,102 @@
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "event_types.hpp"
+#include "node.hpp"
+#include "rtpm/events/consumer.hpp"
+
+namespace rtpm::python {
+
+/// The events that a subscription gets, and how many may wait.
+struct SubscriptionSettings {
+  std::string hub{};
+  std::string filter{};  ///< See FILTERS.md.
+  std::uint32_t queue_capacity = 0;
+  bool keeps_latest = false;
+  std::vector<std::unique_ptr<EventTypeOf>> types{};
+};
+
+/// An event that waits for Python.
+struct WaitingEvent {
+  events::EventHeader header{};
+  MonotonicTime received{};
+  std::vector<std::byte> payload{};
+};
+
+/// Copies a subscription's events into a bounded queue, so that its thread never needs the GIL.
+/// @ownership keeps its node
+/// @threads   on_events() and on_notice(): the consumer's; the others: any
+class Subscription final : public events::EventHandler {
+ public:
+  /// @errors those of HubTypes::ask() and Consumer::create(); `filter_error` is set, and the result
+  ///         null, if the filter's text is wrong
+  [[nodiscard]] static expected<std::shared_ptr<Subscription>, SetupError> open(
+      SharedNode node, SubscriptionSettings settings, std::string& filter_error);
+  Subscription(SharedNode node, SubscriptionSettings settings);
+  ~Subscription() override;
+
+  /// Waits until an event, a notice or the end is there, or the time is over. Returns whether.
+  bool wait(Duration span);
+  /// The oldest delivery: an event, or the events of a conjunction; empty if there is none.
+  [[nodiscard]] std::vector<WaitingEvent> take();
+  /// The oldest single events of a type and schema whose payload has this size.
+  [[nodiscard]] std::vector<WaitingEvent> take_alike(std::size_t count_max,
+                                                     const events::EventHeader& header,
+                                                     std::size_t payload_size);
+  /// The oldest event's header and the size of its payload.
+  [[nodiscard]] std::optional<std::pair<events::EventHeader, std::size_t>> peek() const;
+  [[nodiscard]] std::vector<std::string> take_notices();
+  /// Why no more events come; empty as long as they do.
+  [[nodiscard]] std::string end_reason() const;
+  [[nodiscard]] bool is_closed() const;
+  /// The event's origin on this host's clock.
+  [[nodiscard]] std::int64_t host_time_ns(const WaitingEvent& event) const;
+  [[nodiscard]] std::uint64_t lost_count() const;
+  /// A descriptor that is readable while wait() would return at once.
+  /// @errors -1, and errno is set
+  [[nodiscard]] int file_descriptor();
+  /// Unsubscribes. Waits for the consumer's thread, so call it without the GIL.
+  void close();
+
+  [[nodiscard]] const SharedNode& node() const noexcept { return node_; }
+  [[nodiscard]] const std::string& hub() const noexcept { return settings_.hub; }
+
+  void on_events(std::span<const events::EventView> events) override;
+  void on_notice(const events::Notice& notice) override;
+
+ private:
+  void drop_oldest();
+  void drop_like(const events::EventHeader& header);
+  [[nodiscard]] WaitingEvent remove_front();
+  [[nodiscard]] bool has_news() const noexcept;
+  void signal() noexcept;
+  void clear_signal() noexcept;
+
+  SharedNode node_;
+  SubscriptionSettings settings_;
+  int process_;
+  mutable std::mutex mutex_{};
+  std::condition_variable changed_{};
+  std::deque<WaitingEvent> waiting_{};
+  std::size_t byte_count_ = 0;
+  std::uint64_t lost_count_ = 0;
+  std::deque<std::string> notices_{};
+  std::string end_reason_{};
+  bool is_closed_ = false;
+  int event_descriptor_ = -1;
+  mutable std::mutex consumer_mutex_{};
+  std::unique_ptr<events::Consumer> consumer_{};
+};
+
+}  // namespace rtpm::python

@@ -1,0 +1,246 @@
+"""Events of a hub arrive filtered, in order and decoded; suppliers push single ones and many."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import Laboratory, Program
+
+import rtpm
+from rtpm import schemas
+
+TEXT = """
+attribute "rtpm_event";
+namespace lab;
+struct Force { x:double; y:double; z:double; }
+/// The user touched something.
+table Touched (rtpm_event: 7001) { force:Force (required); }
+table Marked (rtpm_event: 7002) { name:string; level:int = 3; }
+"""
+_names = schemas.Schema(TEXT).names()
+Force, Touched, Marked = _names["Force"], _names["Touched"], _names["Marked"]
+
+
+@pytest.fixture
+def hub(laboratory: Laboratory) -> Iterator[str]:
+    started = Program("rtpm-eventd", "--port", "0", "--name", "", folder=laboratory.folder)
+    yield started.url
+    started.end()
+
+
+def touch(z: float) -> Any:
+    return Force(0, 0, z)
+
+
+def test_events_arrive_typed_and_in_order(hub: str, node: rtpm.Node) -> None:
+    with rtpm.events(Touched, hub=hub, node=node) as events, rtpm.supplier(Touched, hub=hub, node=node) as touched:
+        before = time.monotonic_ns()
+        touched.push(touch(1))
+        touched.push(Touched(force=touch(2)), source=4)
+        touched.push_many([touch(3), touch(4)], source=4)
+        received = [events.next(5) for _ in range(4)]
+        assert [event.value.z for event in received] == [1, 2, 3, 4]
+        assert [event.source for event in received] == [0, 4, 4, 4]
+        assert [event.sequence for event in received] == [1, 1, 2, 3]
+        assert all(before <= event.time_ns <= time.monotonic_ns() for event in received)
+        assert received[0].type is Touched and received[0].name == "lab.Touched"
+        assert received[0].device is None and events.losses == 0
+        with pytest.raises(TimeoutError):
+            events.next(0.01)
+
+
+def test_an_origin_is_kept(hub: str, node: rtpm.Node) -> None:
+    with rtpm.events(Marked, hub=hub, node=node) as events, rtpm.supplier(Marked, hub=hub, node=node) as marked:
+        at = time.monotonic_ns() - 20_000_000
+        marked.push(Marked(name="then"), time_ns=at)
+        event = events.next(5)
+        assert event.value == Marked(name="then", level=3)
+        assert abs(event.time_ns - at) < 5_000_000
+
+
+def test_filters_select_by_text_class_and_combination(hub: str, node: rtpm.Node) -> None:
+    with (
+        rtpm.supplier(Touched, hub=hub, node=node) as touched,
+        rtpm.supplier(Marked, hub=hub, node=node) as marked,
+        rtpm.events("type(lab.Touched) and z > 2", hub=hub, node=node) as strong,
+        rtpm.events([Touched, Marked], hub=hub, node=node) as both,
+        rtpm.events(~rtpm.Filter("type(lab.Touched)"), hub=hub, node=node) as others,
+    ):
+        touched.push(touch(1))
+        touched.push(touch(3))
+        touched.push(touch(4))
+        marked.push(Marked(name="end"))
+        assert [strong.next(5).value.z for _ in range(2)] == [3, 4]
+        assert [both.next(5).name for _ in range(4)] == ["lab.Touched"] * 3 + ["lab.Marked"]
+        assert others.next(5).value.name == "end"
+
+
+def test_types_that_only_the_hub_knows_are_decoded(hub: str, node: rtpm.Node) -> None:
+    with rtpm.supplier(Marked, hub=hub, node=node) as marked, rtpm.events(hub=hub, node=node) as events:
+        marked.push(Marked(name="seen", level=5))
+        event = events.next(5)
+        assert (event.value.name, event.value.level, event.type) == ("seen", 5, Marked)
+
+
+def test_events_of_a_conjunction_come_together(hub: str, node: rtpm.Node) -> None:
+    where = rtpm.correlate(Touched, Marked, within=1.0) | rtpm.silence(0.02)
+    with (
+        rtpm.events(where, hub=hub, node=node) as events,
+        rtpm.supplier(Touched, hub=hub, node=node) as touched,
+        rtpm.supplier(Marked, hub=hub, node=node) as marked,
+    ):
+        assert events.next(5).is_timeout
+        marked.push(Marked(name="a"))
+        touched.push(touch(9))
+        while not isinstance(pair := events.next(5), tuple):
+            assert pair.is_timeout and pair.value == b""
+        first, second = pair
+        assert (first.value.z, second.value.name) == (9, "a")
+
+
+def test_batches_are_structured_arrays(hub: str, node: rtpm.Node) -> None:
+    with (
+        rtpm.events(Touched, hub=hub, node=node) as events,
+        rtpm.supplier(Touched, hub=hub, node=node, source=3) as touched,
+    ):
+        forces = np.zeros((500, 3))
+        forces[:, 2] = np.arange(500)
+        touched.push_many(forces)
+        batches = []
+        for batch in events.batches(128, timeout=5):
+            assert len(batch) <= 128
+            batches.append(np.asarray(batch))
+            if sum(map(len, batches)) == 500:
+                break
+        every = np.concatenate(batches)
+        assert every["payload"]["z"].tolist() == list(range(500))
+        assert set(every["source"]) == {3} and every["sequence"].tolist() == list(range(1, 501))
+        assert (np.diff(every["time_ns"]) >= 0).all()
+        assert ctypes.sizeof(batch) == every.dtype.itemsize * len(batch)
+
+
+def test_batches_need_structs(hub: str, node: rtpm.Node) -> None:
+    with rtpm.events(Marked, hub=hub, node=node) as events, rtpm.supplier(Marked, hub=hub, node=node) as marked:
+        marked.push(Marked(name="table"))
+        with pytest.raises(TypeError, match="lab.Marked: batches takes single events of a struct"):
+            next(events.batches(10, timeout=5))
+
+
+@pytest.mark.parametrize("policy, last", [("drop_oldest", [8, 9]), ("keep_latest", [9])])
+def test_a_slow_program_loses_old_events_and_counts_them(hub: str, node: rtpm.Node, policy: str, last: list[int]) -> None:
+    with (
+        rtpm.events(Touched, hub=hub, node=node, queue=2, policy=policy) as events,
+        rtpm.events(Touched, hub=hub, node=node) as fast,
+        rtpm.supplier(Touched, hub=hub, node=node) as touched,
+    ):
+        for z in range(10):
+            touched.push(touch(z))
+            fast.next(5)
+        end = time.monotonic() + 5
+        while events.losses < 10 - len(last):
+            assert time.monotonic() < end
+            time.sleep(0.001)
+        assert [events.next(5).value.z for _ in last] == last
+
+
+def test_a_descriptor_is_readable_while_events_wait(hub: str, node: rtpm.Node) -> None:
+    with rtpm.events(Touched, hub=hub, node=node) as events, rtpm.supplier(Touched, hub=hub, node=node) as touched:
+        assert select.select([events], [], [], 0)[0] == []
+        touched.push(touch(1))
+        assert select.select([events], [], [], 5)[0] == [events]
+        events.next(0)
+        assert select.select([events], [], [], 0)[0] == []
+
+
+def test_closing_ends_the_iteration_of_another_thread(hub: str, node: rtpm.Node) -> None:
+    events = rtpm.events(Touched, hub=hub, node=node)
+    thread = threading.Thread(target=lambda: list(events))
+    thread.start()
+    events.close()
+    thread.join(5)
+    assert not thread.is_alive()
+    with pytest.raises(rtpm.Error, match="closed"):
+        events.next()
+
+
+def test_a_restarted_hub_is_logged(
+    laboratory: Laboratory, node: rtpm.Node, caplog: pytest.LogCaptureFixture
+) -> None:
+    started = Program("rtpm-eventd", "--port", "0", "--name", "", folder=laboratory.folder)
+    with rtpm.events(Touched, hub=started.url, node=node) as events, caplog.at_level(logging.WARNING, "rtpm"):
+        started.end()
+        end = time.monotonic() + 10
+        while not caplog.text and time.monotonic() < end:
+            with pytest.raises(TimeoutError):
+                events.next(0.05)
+    assert started.url in caplog.text
+
+
+def test_the_device_of_an_event_is_named(node: rtpm.Node) -> None:
+    with rtpm.events("type(rtpm.device.Sampled)", node=node) as events:
+        event = events.next(5)
+        assert event.device == "lab/arm0"
+        assert event.value.position_m is not None
+        batch = next(events.batches(10, timeout=5))
+        assert batch[0].payload.sequence > 0
+
+
+def test_wrong_arguments_are_named(hub: str, node: rtpm.Node) -> None:
+    with pytest.raises(ValueError, match="no type is named 'lab.Tuched'"):
+        rtpm.events("type(lab.Tuched)", hub=hub, node=node)
+    with pytest.raises(TypeError, match="where takes the class of an event, not Force"):
+        rtpm.events(Force, hub=hub, node=node)
+    with pytest.raises(ValueError, match="policy takes"):
+        rtpm.events(Touched, hub=hub, node=node, policy="none")
+    with pytest.raises(ValueError, match="queue takes"):
+        rtpm.events(Touched, hub=hub, node=node, queue=0)
+    with rtpm.supplier(Touched, hub=hub, node=node) as touched:
+        with pytest.raises(TypeError, match="Force"):
+            touched.push(3)  # type: ignore[arg-type]
+        with pytest.raises(TypeError, match="push_many"):
+            touched.push_many([3])  # type: ignore[list-item]
+
+
+def test_a_missing_hub_is_an_error(node: rtpm.Node) -> None:
+    with pytest.raises(rtpm.Error, match="127.0.0.1:9"):
+        rtpm.events(hub="rtpm://127.0.0.1:9/rtpm/events", node=node)
+
+
+CODE = """
+import os, signal, sys, rtpm
+from rtpm import schemas
+Touched = schemas.Schema({text!r}).names()["Touched"]
+events = rtpm.events(Touched, hub={hub!r}, node=rtpm.Node("host"))
+"""
+
+
+@pytest.mark.parametrize(
+    "code, expected",
+    [
+        ("pass", 0),
+        ("child = os.fork()\nif child: sys.exit(os.waitpid(child, 0)[1])", 0),
+        ("child = os.fork()\nif child: sys.exit(os.waitpid(child, 0)[1] >> 8)\nevents.next()", 1),
+        ("signal.setitimer(signal.ITIMER_REAL, 0.1)\nsignal.signal(signal.SIGALRM, signal.default_int_handler)\nevents.next()", -signal.SIGINT),
+    ],
+)
+def test_a_program_ends_with_an_open_subscription(hub: str, code: str, expected: int) -> None:
+    program = CODE.format(text=TEXT, hub=hub) + code
+    ended = subprocess.run([sys.executable, "-c", program], timeout=30, capture_output=True, text=True, env=os.environ)
+    assert ended.returncode == expected, ended.stderr
+
+
+def test_a_thread_that_iterates_does_not_hold_up_the_exit(hub: str) -> None:
+    code = CODE.format(text=TEXT, hub=hub) + "import threading\nthreading.Thread(target=lambda: list(events)).start()"
+    assert subprocess.run([sys.executable, "-c", code], timeout=10).returncode == 0
