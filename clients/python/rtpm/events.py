@@ -13,7 +13,7 @@ import time
 import types
 from collections.abc import Iterable, Iterator
 from types import TracebackType
-from typing import Any, Generic, TypeVar, Union, cast
+from typing import Any, Generic, TypeVar, cast
 
 from . import _core, endings, errors, schemas, values
 from .calls import Node, default_node
@@ -68,7 +68,7 @@ class Filter:
 
 
 #: A filter, its text, an event's class, a union of classes, or a list of any of these.
-Where = Union[Filter, str, type[Event], types.UnionType, Iterable[Any], None]
+Where = Filter | str | type[Event] | types.UnionType | Iterable[Any] | None
 
 
 def filter_of(where: Where) -> Filter:
@@ -86,11 +86,17 @@ def filter_of(where: Where) -> Filter:
     if isinstance(where, types.UnionType):
         where = where.__args__
     if not isinstance(where, Iterable):
-        raise TypeError(f"where takes a text, an event's class or a list of them, not {type(where).__name__}")
+        raise TypeError(
+            f"where takes a text, an event's class or a list of them, not {type(where).__name__}"
+        )
     parts = list(where)
     if not parts:
         raise ValueError("where takes at least one event's class")
-    return functools.reduce(functools.partial(_joined, " or "), parts) if len(parts) > 1 else filter_of(parts[0])
+    return (
+        functools.reduce(functools.partial(_joined, " or "), parts)
+        if len(parts) > 1
+        else filter_of(parts[0])
+    )
 
 
 def correlate(*of: Where, within: float | None = None) -> Filter:
@@ -138,8 +144,15 @@ class EventType:
     def record(self) -> Any:
         """The class of a batch's elements."""
         # All of eight bytes: numpy cannot read a structure's padding from ctypes.
-        fields = [("time_ns", ctypes.c_int64), ("source", ctypes.c_uint64), ("sequence", ctypes.c_uint64)]
-        body = {"_fields_": [*fields, ("payload", self.struct)], "__doc__": f"A {self.name} of a batch."}
+        fields = [
+            ("time_ns", ctypes.c_int64),
+            ("source", ctypes.c_uint64),
+            ("sequence", ctypes.c_uint64),
+        ]
+        body = {
+            "_fields_": [*fields, ("payload", self.struct)],
+            "__doc__": f"A {self.name} of a batch.",
+        }
         return type(f"{self.kind.__name__}Record", (ctypes.Structure,), body)
 
     def decode(self, payload: bytes) -> Any:
@@ -155,7 +168,16 @@ class EventType:
 class Received:
     """An event that was received."""
 
-    __slots__ = ("_events", "_payload", "_value", "sequence", "source", "time_ns", "type_number", "_type")
+    __slots__ = (
+        "_events",
+        "_payload",
+        "_value",
+        "sequence",
+        "source",
+        "time_ns",
+        "type_number",
+        "_type",
+    )
 
     def __init__(self, events: Events, event: tuple[int, int, int, int, int, bytes]) -> None:
         self.type_number, schema_id, self.time_ns, self.source, self.sequence, self._payload = event
@@ -170,7 +192,11 @@ class Received:
     @property
     def name(self) -> str:
         """The type's name, "lab.Touched"; its number if the hub does not know it."""
-        return self._type.name if self._type else _HUB_NAMES.get(self.type_number, str(self.type_number))
+        return (
+            self._type.name
+            if self._type
+            else _HUB_NAMES.get(self.type_number, str(self.type_number))
+        )
 
     @property
     def is_timeout(self) -> bool:
@@ -234,7 +260,7 @@ class Events:
     @property
     def core(self) -> _core.Subscription:
         """The extension's subscription."""
-        self._node.core  # Raises in a forked process.
+        self._node.check()
         if self._core is None:
             raise errors.Error("this subscription is closed")
         return self._core
@@ -264,10 +290,14 @@ class Events:
             known = self._type_of(number, schema_id)
             if is_part or known is None or known.struct is None:
                 name = known.name if known else f"type {number}"
-                raise TypeError(f"{name}: batches takes single events of a struct; use next() for others")
+                raise TypeError(
+                    f"{name}: batches takes single events of a struct; use next() for others"
+                )
             if size != ctypes.sizeof(known.struct):
                 self.core.next(0)
-                raise errors.BadReply(f"{known.name}: an event has {size} bytes, its schema {ctypes.sizeof(known.struct)}")
+                raise errors.BadReply(
+                    f"{known.name}: an event has {size} bytes, its schema {ctypes.sizeof(known.struct)}"
+                )
             record = known.record
             data = self.core.take_records(
                 count, number, schema_id, size, record.payload.offset, ctypes.sizeof(record)
@@ -297,7 +327,10 @@ class Events:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.close()
 
@@ -390,17 +423,21 @@ class Supplier(Generic[_E]):
     @property
     def core(self) -> _core.Supplier:
         """The extension's supplier."""
-        self._node.core  # Raises in a forked process.
+        self._node.check()
         if self._core is None:
             raise errors.Error("this supplier is closed")
         return self._core
 
-    def push(self, value: _E | Struct, *, source: int | None = None, time_ns: int | None = None) -> None:
+    def push(
+        self, value: _E | Struct, *, source: int | None = None, time_ns: int | None = None
+    ) -> None:
         """Pushes an event, without waiting for its consumers.
 
         time_ns: when it happened, by time.monotonic_ns(); now if None.
         """
-        self.core.push(self._type.payload_of(value), self._source if source is None else source, time_ns)
+        self.core.push(
+            self._type.payload_of(value), self._source if source is None else source, time_ns
+        )
 
     def push_many(self, many: Iterable[_E | Struct], *, source: int | None = None) -> None:
         """Pushes many events in few messages; of structs also as a buffer, such as a structured array."""
@@ -413,7 +450,9 @@ class Supplier(Generic[_E]):
             memoryview(cast(Any, many))
         except TypeError:
             many = [self._type.payload_of(value) for value in many]
-        self.core.push_packed(values.struct_bytes(kind, many, "push_many"), ctypes.sizeof(kind), source)
+        self.core.push_packed(
+            values.struct_bytes(kind, many, "push_many"), ctypes.sizeof(kind), source
+        )
 
     def close(self) -> None:
         """Ends the supplier."""
@@ -423,7 +462,10 @@ class Supplier(Generic[_E]):
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self.close()
 

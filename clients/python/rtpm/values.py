@@ -10,7 +10,6 @@ import array
 import ctypes
 import enum
 import math
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, ClassVar, Protocol, TypeVar, cast
 
@@ -510,7 +509,7 @@ class _Enumeration(enum.IntEnum):
         return _restore_enum, (type(self)._rtpm_key_, int(self))  # type: ignore[attr-defined]
 
 
-class _Flags(enum.IntFlag, boundary=enum.KEEP if sys.version_info >= (3, 11) else None):
+class _Flags(enum.IntFlag):
     """An enum of bits; a number may be a sum of its values."""
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:

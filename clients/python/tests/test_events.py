@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Laboratory, Program
-
 import rtpm
+from conftest import Laboratory, Program
 from rtpm import schemas
 
 TEXT = """
@@ -45,7 +44,10 @@ def touch(z: float) -> Any:
 
 
 def test_events_arrive_typed_and_in_order(hub: str, node: rtpm.Node) -> None:
-    with rtpm.events(Touched, hub=hub, node=node) as events, rtpm.supplier(Touched, hub=hub, node=node) as touched:
+    with (
+        rtpm.events(Touched, hub=hub, node=node) as events,
+        rtpm.supplier(Touched, hub=hub, node=node) as touched,
+    ):
         before = time.monotonic_ns()
         touched.push(touch(1))
         touched.push(Touched(force=touch(2)), source=4)
@@ -62,7 +64,10 @@ def test_events_arrive_typed_and_in_order(hub: str, node: rtpm.Node) -> None:
 
 
 def test_an_origin_is_kept(hub: str, node: rtpm.Node) -> None:
-    with rtpm.events(Marked, hub=hub, node=node) as events, rtpm.supplier(Marked, hub=hub, node=node) as marked:
+    with (
+        rtpm.events(Marked, hub=hub, node=node) as events,
+        rtpm.supplier(Marked, hub=hub, node=node) as marked,
+    ):
         at = time.monotonic_ns() - 20_000_000
         marked.push(Marked(name="then"), time_ns=at)
         event = events.next(5)
@@ -88,7 +93,10 @@ def test_filters_select_by_text_class_and_combination(hub: str, node: rtpm.Node)
 
 
 def test_types_that_only_the_hub_knows_are_decoded(hub: str, node: rtpm.Node) -> None:
-    with rtpm.supplier(Marked, hub=hub, node=node) as marked, rtpm.events(hub=hub, node=node) as events:
+    with (
+        rtpm.supplier(Marked, hub=hub, node=node) as marked,
+        rtpm.events(hub=hub, node=node) as events,
+    ):
         marked.push(Marked(name="seen", level=5))
         event = events.next(5)
         assert (event.value.name, event.value.level, event.type) == ("seen", 5, Marked)
@@ -132,14 +140,19 @@ def test_batches_are_structured_arrays(hub: str, node: rtpm.Node) -> None:
 
 
 def test_batches_need_structs(hub: str, node: rtpm.Node) -> None:
-    with rtpm.events(Marked, hub=hub, node=node) as events, rtpm.supplier(Marked, hub=hub, node=node) as marked:
+    with (
+        rtpm.events(Marked, hub=hub, node=node) as events,
+        rtpm.supplier(Marked, hub=hub, node=node) as marked,
+    ):
         marked.push(Marked(name="table"))
         with pytest.raises(TypeError, match="lab.Marked: batches takes single events of a struct"):
             next(events.batches(10, timeout=5))
 
 
 @pytest.mark.parametrize("policy, last", [("drop_oldest", [8, 9]), ("keep_latest", [9])])
-def test_a_slow_program_loses_old_events_and_counts_them(hub: str, node: rtpm.Node, policy: str, last: list[int]) -> None:
+def test_a_slow_program_loses_old_events_and_counts_them(
+    hub: str, node: rtpm.Node, policy: str, last: list[int]
+) -> None:
     with (
         rtpm.events(Touched, hub=hub, node=node, queue=2, policy=policy) as events,
         rtpm.events(Touched, hub=hub, node=node) as fast,
@@ -156,7 +169,10 @@ def test_a_slow_program_loses_old_events_and_counts_them(hub: str, node: rtpm.No
 
 
 def test_a_descriptor_is_readable_while_events_wait(hub: str, node: rtpm.Node) -> None:
-    with rtpm.events(Touched, hub=hub, node=node) as events, rtpm.supplier(Touched, hub=hub, node=node) as touched:
+    with (
+        rtpm.events(Touched, hub=hub, node=node) as events,
+        rtpm.supplier(Touched, hub=hub, node=node) as touched,
+    ):
         assert select.select([events], [], [], 0)[0] == []
         touched.push(touch(1))
         assert select.select([events], [], [], 5)[0] == [events]
@@ -179,7 +195,10 @@ def test_a_restarted_hub_is_logged(
     laboratory: Laboratory, node: rtpm.Node, caplog: pytest.LogCaptureFixture
 ) -> None:
     started = Program("rtpm-eventd", "--port", "0", "--name", "", folder=laboratory.folder)
-    with rtpm.events(Touched, hub=started.url, node=node) as events, caplog.at_level(logging.WARNING, "rtpm"):
+    with (
+        rtpm.events(Touched, hub=started.url, node=node) as events,
+        caplog.at_level(logging.WARNING, "rtpm"),
+    ):
         started.end()
         end = time.monotonic() + 10
         while not caplog.text and time.monotonic() < end:
@@ -232,15 +251,23 @@ events = rtpm.events(Touched, hub={hub!r}, node=rtpm.Node("host"))
         ("pass", 0),
         ("child = os.fork()\nif child: sys.exit(os.waitpid(child, 0)[1])", 0),
         ("child = os.fork()\nif child: sys.exit(os.waitpid(child, 0)[1] >> 8)\nevents.next()", 1),
-        ("signal.setitimer(signal.ITIMER_REAL, 0.1)\nsignal.signal(signal.SIGALRM, signal.default_int_handler)\nevents.next()", -signal.SIGINT),
+        (
+            "signal.setitimer(signal.ITIMER_REAL, 0.1)\nsignal.signal(signal.SIGALRM, signal.default_int_handler)\nevents.next()",
+            -signal.SIGINT,
+        ),
     ],
 )
 def test_a_program_ends_with_an_open_subscription(hub: str, code: str, expected: int) -> None:
     program = CODE.format(text=TEXT, hub=hub) + code
-    ended = subprocess.run([sys.executable, "-c", program], timeout=30, capture_output=True, text=True, env=os.environ)
+    ended = subprocess.run(
+        [sys.executable, "-c", program], timeout=30, capture_output=True, text=True, env=os.environ
+    )
     assert ended.returncode == expected, ended.stderr
 
 
 def test_a_thread_that_iterates_does_not_hold_up_the_exit(hub: str) -> None:
-    code = CODE.format(text=TEXT, hub=hub) + "import threading\nthreading.Thread(target=lambda: list(events)).start()"
+    code = (
+        CODE.format(text=TEXT, hub=hub)
+        + "import threading\nthreading.Thread(target=lambda: list(events)).start()"
+    )
     assert subprocess.run([sys.executable, "-c", code], timeout=10).returncode == 0
