@@ -32,6 +32,7 @@ from .errors import (
     Overload,
     PeerRestarted,
     PriorityNotAllowed,
+    RecordingError,
     Refused,
     ServantFailed,
     SetupError,
@@ -45,6 +46,7 @@ from .errors import (
     WrongInterface,
 )
 from .events import Events, Filter, Received, Supplier, correlate, events, silence, supplier
+from .recordings import Recorded, Recording, Topic, open
 from .servants import Refusal, Servant, Server, serve
 from .values import Buffer, Event, Struct, Table, Vector, replace
 
@@ -116,6 +118,9 @@ __all__ = [
     "PriorityNotAllowed",
     "Quaternion",
     "Received",
+    "Recorded",
+    "Recording",
+    "RecordingError",
     "Refusal",
     "Refused",
     "Sample",
@@ -136,6 +141,7 @@ __all__ = [
     "Timeout",
     "Tip",
     "TooLarge",
+    "Topic",
     "Unreachable",
     "Vector",
     "Vector3",
@@ -151,6 +157,7 @@ __all__ = [
     "device",
     "events",
     "many",
+    "open",
     "replace",
     "serve",
     "silence",

@@ -17,6 +17,10 @@ class SetupError(Error):
     remedy: str
 
 
+class RecordingError(Error):
+    """A recording is damaged, was not ended, or is no recording."""
+
+
 class CallError(Error):
     """A call gave no result."""
 
@@ -233,3 +237,9 @@ def of_setup(what: str, why: str, remedy: str, name: str, text: str) -> Error:
     setup = kind(text)
     setup.what, setup.why, setup.remedy = what, why, remedy
     return setup
+
+
+def of_recording(path: str, what: str, why: str, remedy: str) -> RecordingError:
+    """Makes the error of a recording; for the extension."""
+    reason = ": ".join(part for part in (path, what, why) if part)
+    return RecordingError(f"{reason}; {remedy}" if remedy else reason)

@@ -4,6 +4,7 @@
 #include "devices.hpp"
 #include "events.hpp"
 #include "node.hpp"
+#include "recordings.hpp"
 #include "schema.hpp"
 #include "servants.hpp"
 #include "waiting.hpp"
@@ -19,4 +20,5 @@ NB_MODULE(_core, module) {
   rtpm::python::define_devices(module);
   rtpm::python::define_servants(module);
   rtpm::python::define_events(module);
+  rtpm::python::define_recordings(module);
 }

@@ -152,6 +152,17 @@ CompileResult compile(const CompileRequest& request) {
   return model ? complete(*std::move(model), texts, request.file) : result;
 }
 
+CompileResult compile_binary(std::span<const std::uint8_t> bytes, const std::string& name) {
+  constexpr const char* kWhat = "is not a binary schema, or one of another version";
+  if (bytes.size() > kSchemaSizeMax) return failure(name, kWhat, "");
+  auto model = read_reflection(bytes);
+  if (!model) return failure(name, kWhat, "");
+  model->source_files.push_back(name);
+  std::deque<SchemaText> texts;
+  texts.emplace_back(name, *model);
+  return complete(*std::move(model), texts, name);
+}
+
 CompileResult compile_text(const std::string& text, const std::string& name) {
   const SourceFile source(name, text);
   if (auto refusal = refuse_foreign(source)) return failure(*std::move(refusal));

@@ -82,6 +82,36 @@ TEST(SchemaText, HasTheFingerprintAndRootOfAnEvent) {
   EXPECT_GE(count, 5u);
 }
 
+// A recording has the reflection only, from which a reader makes the schema.
+TEST(CompileBinary, GivesTheFingerprintsOfTheSchemaItComesFrom) {
+  std::size_t count = 0;
+  for_each_model([&](const Model& whole) {
+    for (const Object& object : whole.objects) {
+      if (!object.event_id) continue;
+      std::string error;
+      const auto dynamic = Dynamic::make_for_event(schema_text(whole, object), object.name, error);
+      ASSERT_TRUE(dynamic) << error;
+      const auto bytes = dynamic->reflection();
+      const CompileResult read = compile_binary(
+          {static_cast<const std::uint8_t*>(static_cast<const void*>(bytes.data())), bytes.size()},
+          object.name);
+      ASSERT_TRUE(read.model) << render(read.errors);
+      const auto found = std::ranges::find(read.model->objects, object.name, &Object::name);
+      ASSERT_NE(found, read.model->objects.end());
+      EXPECT_EQ(found->event_fingerprint, object.event_fingerprint) << object.name;
+      EXPECT_TRUE(compile_text(schema_text(*read.model), "schema").model);
+      ++count;
+    }
+  });
+  EXPECT_GT(count, 0u);
+}
+
+TEST(CompileBinary, RefusesOtherBytes) {
+  const std::vector<std::uint8_t> bytes(64, 7);
+  EXPECT_FALSE(compile_binary(bytes, "schema").errors.empty());
+  EXPECT_FALSE(compile_binary({}, "schema").errors.empty());
+}
+
 TEST(SchemaText, KeepsAttributesAndDefaults) {
   const Model model = test::model_of(R"(include "rtpm.fbs"; namespace lab;
     enum Mode : byte { Low = -3, High = 3 }

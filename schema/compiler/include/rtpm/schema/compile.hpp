@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -27,6 +29,12 @@ struct CompileResult {
 /// @errors   FlatBuffers' parser stops at its first error; all breaches of RTPM's rules are
 ///           reported
 [[nodiscard]] CompileResult compile(const CompileRequest& request);
+
+/// Reads a binary schema, the content of a .bfbs, that another program wrote, for example into a
+/// recording. It need not name the files of its declarations.
+/// @param name  the file name for errors
+[[nodiscard]] CompileResult compile_binary(std::span<const std::uint8_t> bytes,
+                                           const std::string& name);
 
 /// Compiles a text that another program sent. Opens no file. Refuses a text that is too large or
 /// contains anything but declarations of types and services.

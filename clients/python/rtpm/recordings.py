@@ -1,0 +1,271 @@
+"""Recordings: files that `rtpm record` wrote, or any other MCAP writer."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+from collections.abc import Iterator, Mapping
+from types import TracebackType
+from typing import Any, NamedTuple, cast
+
+from . import _core, errors, schemas
+from .values import Struct
+
+_SAMPLED = "rtpm.device.Sampled"
+
+
+class _Channel(NamedTuple):
+    number: int
+    topic: str
+    type: str
+    encoding: str
+    message_count: int
+    metadata: dict[str, str]
+
+
+class Recorded:
+    """A recorded event, sample, request or reply."""
+
+    __slots__ = ("_channel", "_data", "_recording", "log_time_ns", "sequence", "time_ns", "topic")
+
+    def __init__(
+        self, recording: Recording, channel: _Channel, message: tuple[int, int, int, int, bytes]
+    ) -> None:
+        _, self.sequence, self.log_time_ns, self.time_ns, self._data = message
+        self.topic = channel.topic
+        self._recording = recording
+        self._channel = channel
+
+    @property
+    def value(self) -> Any:
+        """The payload, as an event's `value`; JSON as Python's own types; bytes if the file has no schema of it."""
+        return self._recording._decode(self._channel, self._data)
+
+    def __repr__(self) -> str:
+        return f"<{self.topic} {self.time_ns} ns, #{self.sequence}: {self.value!r}>"
+
+
+class Topic:
+    """The messages of one topic in order of time. `time_ns` of each is its origin, since 1970 in UTC."""
+
+    def __init__(self, recording: Recording, name: str, channels: list[_Channel]) -> None:
+        self._recording = recording
+        self._channels = channels
+        self.name = name
+        #: The type's name, such as "lab.Touched"; empty if unknown.
+        self.type = channels[0].type
+        #: How many messages it has, as far as the file says.
+        self.count = sum(channel.message_count for channel in channels)
+        #: The recorder's notes on the topic.
+        self.metadata: Mapping[str, str] = channels[0].metadata
+
+    def __iter__(self) -> Iterator[Recorded]:
+        return self._recording._read(self._channels)
+
+    def values(self) -> Iterator[Any]:
+        """The values alone."""
+        return (message.value for message in self)
+
+    def array(self) -> Any:
+        """All messages of a struct, such as samples, as a structured array: `time_ns`, then the struct's fields."""
+        numpy = _import("numpy")
+        kind = self._struct()
+        record = _dtype_of(kind, numpy)
+        data = self._recording.core.read_records(
+            [channel.number for channel in self._channels],
+            ctypes.sizeof(kind),
+            8,
+            8 + ctypes.sizeof(kind),
+        )
+        packed = {
+            "names": ["time_ns", *record.names],
+            "formats": ["<i8", *(record[name] for name in record.names)],
+            "offsets": [0, *(8 + record.fields[name][1] for name in record.names)],
+            "itemsize": 8 + ctypes.sizeof(kind),
+        }
+        return numpy.frombuffer(data, numpy.dtype(packed))
+
+    def frame(self) -> Any:
+        """Samples as a data frame: time (seconds since the recording began), x, y, z (m), fx, fy, fz (N), buttons."""
+        pandas = _import("pandas")
+        if self.type != _SAMPLED:
+            raise TypeError(
+                f"{self.name}: frame takes samples of a device, not {self.type or 'messages without a type'}"
+            )
+        samples = self.array()
+        columns: dict[str, Any] = {"time": (samples["time_ns"] - self._recording.start_ns) * 1e-9}
+        for axis in "xyz":
+            columns[axis] = samples["position_m"][axis]
+        for axis in "xyz":
+            columns[f"f{axis}"] = samples["force_newton"][axis]
+        columns["buttons"] = samples["buttons"]
+        return pandas.DataFrame(columns)
+
+    def _struct(self) -> type[Struct]:
+        kinds = {self._recording._struct_of(channel) for channel in self._channels}
+        kind = kinds.pop()
+        if kind is None or kinds:
+            raise TypeError(
+                f"{self.name}: array takes messages of one struct; iterate over {self.type or 'these'}"
+            )
+        return kind
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __repr__(self) -> str:
+        return f"<rtpm.Topic {self.name}: {self.count} of {self.type or 'no type'}>"
+
+
+class Recording:
+    """A file of recorded events, samples and calls."""
+
+    def __init__(self, path: str | os.PathLike[str], *, incomplete: bool = False) -> None:
+        """Opens the file; see rtpm.open()."""
+        os.stat(path)  # Raises FileNotFoundError or PermissionError.
+        self._path = os.fspath(path)
+        self._core: _core.Recording | None = _core.Recording(self._path, incomplete)
+        self._channels = {entry[0]: _Channel(*entry) for entry in self._core.channels()}
+        self._schemas: dict[int, tuple[schemas.Schema, int] | None] = {}
+        by_topic: dict[str, list[_Channel]] = {}
+        for channel in self._channels.values():
+            by_topic.setdefault(channel.topic, []).append(channel)
+        #: The topics by name.
+        self.topics = {
+            name: Topic(self, name, channels) for name, channels in sorted(by_topic.items())
+        }
+        #: The names of the devices that it has something of.
+        self.devices = sorted(
+            {channel.metadata.get("rtpm.device", "") for channel in self._channels.values()} - {""}
+        )
+        #: Whether the program that wrote it ended it.
+        self.is_complete: bool = self._core.is_complete
+        #: When the first and last message were recorded, in nanoseconds since 1970 in UTC.
+        self.start_ns: int = self._core.begin_ns
+        self.end_ns: int = self._core.end_ns
+
+    @property
+    def core(self) -> _core.Recording:
+        """The extension's recording."""
+        if self._core is None:
+            raise errors.Error(f"{self._path} is closed")
+        return self._core
+
+    @property
+    def duration(self) -> float:
+        """The time between the first message and the last, in seconds."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+    @property
+    def metadata(self) -> list[tuple[str, dict[str, str]]]:
+        """Notes on the whole recording: a name and texts each, such as counts of what was dropped."""
+        return self.core.metadata()
+
+    def __getitem__(self, name: str) -> Topic:
+        """The topic `name`; with a device's name its samples."""
+        if name in self.topics:
+            return self.topics[name]
+        sampled = [
+            channel
+            for channel in self._channels.values()
+            if channel.metadata.get("rtpm.device") == name and channel.type == _SAMPLED
+        ]
+        if sampled:
+            return Topic(self, name, sampled)
+        raise KeyError(
+            f"{self._path} has no topic or samples of a device {name!r}; it has {', '.join(self.topics)}"
+        )
+
+    def __iter__(self) -> Iterator[Recorded]:
+        """All messages in order of the time of their recording."""
+        return self._read(list(self._channels.values()))
+
+    def close(self) -> None:
+        """Closes the file."""
+        self._core = None
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<rtpm.Recording {self._path}: {self.duration:.1f} s, {len(self.topics)} topics>"
+
+    def _read(self, channels: list[_Channel]) -> Iterator[Recorded]:
+        numbers = [channel.number for channel in channels]
+        if not numbers:
+            return
+        from_ns = done_count = 0
+        while page := self.core.read_page(numbers, from_ns, done_count):
+            for message in page:
+                # Where the next page begins: after so many messages of the last one's time.
+                done_count = done_count + 1 if message[2] == from_ns else 1
+                from_ns = message[2]
+                yield Recorded(self, self._channels[message[0]], message)
+
+    def _schema_of(self, channel: _Channel) -> tuple[schemas.Schema, int] | None:
+        if channel.number not in self._schemas:
+            self._schemas[channel.number] = None
+            text = self.core.schema_of(channel.number)
+            if text:
+                schema = schemas.schema_of(text)
+                for index, item in enumerate(schema.layout["objects"]):
+                    if item["name"] == channel.type:
+                        self._schemas[channel.number] = (schema, index)
+        return self._schemas[channel.number]
+
+    def _struct_of(self, channel: _Channel) -> type[Struct] | None:
+        known = self._schema_of(channel)
+        return (
+            cast("type[Struct] | None", _core.payload_struct(known[0].core, known[1]))
+            if known
+            else None
+        )
+
+    def _decode(self, channel: _Channel, data: bytes) -> Any:
+        if channel.encoding == "json":
+            return json.loads(data)
+        known = self._schema_of(channel)
+        return self.core.decode(known[0].core, known[1], data) if known else data
+
+
+def _dtype_of(kind: Any, numpy: Any) -> Any:
+    """The dtype of a struct's class, without its padding, which numpy cannot read from ctypes."""
+    if issubclass(kind, ctypes.Array):
+        return numpy.dtype((_dtype_of(kind._type_, numpy), kind._length_))
+    if not issubclass(kind, Struct):
+        return numpy.dtype(kind)
+    fields: list[tuple[str, Any, int]] = []
+    position = 0
+    for name, part, *_ in kind._fields_:
+        position = -(-position // ctypes.alignment(part)) * ctypes.alignment(part)
+        if not name.startswith("_padding_"):
+            fields.append((name, _dtype_of(part, numpy), position))
+        position += ctypes.sizeof(part)
+    names, formats, offsets = zip(*fields, strict=True)
+    return numpy.dtype(
+        {"names": names, "formats": formats, "offsets": offsets, "itemsize": ctypes.sizeof(kind)}
+    )
+
+
+def _import(name: str) -> Any:
+    try:
+        return __import__(name)
+    except ImportError:
+        raise ImportError(f"this needs {name}: pip install {name}") from None
+
+
+def open(path: str | os.PathLike[str], *, incomplete: bool = False) -> Recording:
+    """Opens a recording, such as one of `rtpm record`.
+
+    incomplete: also one that was not ended, because its program died; otherwise that is an error.
+    """
+    return Recording(path, incomplete=incomplete)
