@@ -269,7 +269,12 @@ class Events:
         return self
 
     def __next__(self) -> Any:
-        return self.next()
+        try:
+            return self.next()
+        except errors.Error:
+            if self._core is None:
+                raise StopIteration from None
+            raise
 
     def next(self, timeout: float | None = None) -> Any:
         """The next event, or the tuple of a conjunction. Raises rtpm.Timeout if none arrives in time."""
@@ -280,12 +285,20 @@ class Events:
         """Yields waiting events, as soon as there are some, by up to `count` of one type at once.
 
         A batch is a ctypes array of (time_ns, source, sequence, payload), of which numpy.asarray()
-        makes a structured array. All must be events of structs; timeouts are left out.
+        makes a structured array. All must be events of structs; timeouts are left out. Raises
+        rtpm.Timeout if none arrives in time.
         """
         while True:
-            number, schema_id, size, is_part = self.core.peek(timeout)
+            core = self._core
+            if core is None:
+                return
+            self._node.check()
+            try:
+                number, schema_id, size, is_part = core.peek(timeout)
+            except StopIteration:
+                return
             if number > _TYPE_MAX:
-                self.core.next(0)
+                core.next(0)
                 continue
             known = self._type_of(number, schema_id)
             if is_part or known is None or known.struct is None:
@@ -294,12 +307,12 @@ class Events:
                     f"{name}: batches takes single events of a struct; use next() for others"
                 )
             if size != ctypes.sizeof(known.struct):
-                self.core.next(0)
+                core.next(0)
                 raise errors.BadReply(
                     f"{known.name}: an event has {size} bytes, its schema {ctypes.sizeof(known.struct)}"
                 )
             record = known.record
-            data = self.core.take_records(
+            data = core.take_records(
                 count, number, schema_id, size, record.payload.offset, ctypes.sizeof(record)
             )
             if data:

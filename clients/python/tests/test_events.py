@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -182,13 +182,17 @@ def test_a_descriptor_is_readable_while_events_wait(hub: str, node: rtpm.Node) -
         assert select.select([events], [], [], 0)[0] == []
 
 
-def test_closing_ends_the_iteration_of_another_thread(hub: str, node: rtpm.Node) -> None:
+@pytest.mark.parametrize("read", [list, lambda events: list(events.batches(8))])
+def test_closing_ends_the_iteration_of_another_thread(
+    hub: str, node: rtpm.Node, read: Callable[[rtpm.Events], list[Any]]
+) -> None:
     events = rtpm.events(Touched, hub=hub, node=node)
-    thread = threading.Thread(target=lambda: list(events))
+    results = []
+    thread = threading.Thread(target=lambda: results.append(read(events)))
     thread.start()
     events.close()
     thread.join(5)
-    assert not thread.is_alive()
+    assert results == [[]]
     with pytest.raises(rtpm.Error, match="closed"):
         events.next()
 
