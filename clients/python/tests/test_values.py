@@ -17,7 +17,7 @@ attribute "rtpm_range";
 attribute "rtpm_event";
 namespace rtpm;
 table Empty {}
-namespace lab;
+namespace values;
 enum Mode : ubyte { Off = 0, Follow = 3 }
 /// A force.
 struct Force {
