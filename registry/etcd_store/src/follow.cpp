@@ -14,6 +14,7 @@ using namespace std::chrono_literals;
 
 constexpr Duration kProbeInterval = 500ms;
 constexpr Duration kProbePatience = 1s;
+constexpr Duration kFuturePause = 1ms;
 // How long a new watch may take to start.
 constexpr Duration kBeginPatience = 1s;
 constexpr Duration kReadPatience = 5s;
@@ -24,6 +25,12 @@ constexpr int kUnmetMax = 4;
 constexpr const char* kCompacted = "the changes since are not kept any more";
 constexpr const char* kReplaced =
     "it was restored or replaced, and changes that it had told are not there any more";
+
+// Whether etcd does not have the revision yet. A revision that it has dropped has the same code.
+bool is_future(const GatewayError& error) {
+  return error.code == GatewayError::kOutOfRange &&
+         error.why.find("future revision") != std::string::npos;
+}
 
 }  // namespace
 
@@ -156,13 +163,20 @@ std::optional<std::string> Follow::take(std::size_t endpoint, const std::string&
 // name's fence.
 expected<bool, GatewayError> Follow::has_lapsed(std::size_t endpoint, const std::string& name,
                                                 std::uint64_t revision) {
-  // The watch has reported the revision at this endpoint, so this endpoint has it.
   const Json request{{"key", to_base64(keys_.fence_of(name))},
                      {"revision", std::to_string(revision)},
                      {"serializable", true}};
-  const auto answer = gateway_.ask_at(endpoint, "/v3/kv/range", request, kProbePatience);
+  const MonotonicTime end = rt::now() + kProbePatience;
+  auto answer = gateway_.ask_at(endpoint, "/v3/kv/range", request, kProbePatience);
+  // etcd notifies its watchers just before it lets a reader see the revision.
+  while (!answer && is_future(answer.error()) && rt::now() < end) {
+    rt::sleep_until(rt::now() + kFuturePause);
+    answer = gateway_.ask_at(endpoint, "/v3/kv/range", request, kProbePatience);
+  }
   // The revision is compacted, so an unbind can't be proved.
-  if (!answer && answer.error().code == GatewayError::kOutOfRange) return true;
+  if (!answer && answer.error().code == GatewayError::kOutOfRange && !is_future(answer.error())) {
+    return true;
+  }
   if (!answer) return unexpected{answer.error()};
   const Json& fences = object_at(*answer, "kvs");
   return std::ranges::none_of(
