@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
 from . import _core, errors
+from .endings import Closing
 
 if TYPE_CHECKING:
     from .schemas import Schema
@@ -144,7 +145,7 @@ def transport_of(client: _Bound) -> str:
     return client._rtpm_binding_.transport
 
 
-class Stream(Generic[_Item]):
+class Stream(Closing, Generic[_Item]):
     """The items that answer a call, as an iterator. The server waits for a slow reader."""
 
     def __init__(self, core: _core.Stream) -> None:
@@ -163,17 +164,6 @@ class Stream(Generic[_Item]):
     def close(self) -> None:
         """Cancels the stream."""
         self._core.cancel()
-
-    def __enter__(self) -> Stream[_Item]:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def many(

@@ -17,6 +17,7 @@ from typing import Any
 
 from . import _core, errors, schemas
 from .calls import Node, default_node
+from .endings import Closing
 from .idl import device_rtpm
 from .idl.device_rtpm import (
     AffineField,
@@ -64,7 +65,7 @@ def _models(models: Iterable[Model]) -> bytes:
     return schemas.encode(device_rtpm.SetModelsRequest(models=wrapped))
 
 
-class Device:
+class Device(Closing):
     """A device, to read and, by `command()`, to command."""
 
     def __init__(
@@ -137,17 +138,6 @@ class Device:
     def close(self) -> None:
         """Closes the device."""
         self._core = None
-
-    def __enter__(self) -> Device:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         state = "closed" if self._core is None else self._core.target

@@ -5,9 +5,32 @@ from __future__ import annotations
 import atexit
 import threading
 import weakref
-from typing import Protocol
+from types import TracebackType
+from typing import Protocol, TypeVar
 
 from . import _core
+
+_C = TypeVar("_C", bound="Closing")
+
+
+class Closing:
+    """Closes with its `with` statement."""
+
+    __slots__ = ()
+
+    def close(self) -> None:
+        raise NotImplementedError
+
+    def __enter__(self: _C) -> _C:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
 
 
 class _Stoppable(Protocol):

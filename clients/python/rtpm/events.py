@@ -12,7 +12,6 @@ import logging
 import time
 import types
 from collections.abc import Iterable, Iterator
-from types import TracebackType
 from typing import Any, Generic, TypeVar, cast
 
 from . import _core, endings, errors, schemas, values
@@ -222,7 +221,7 @@ class Received:
 # ---- subscriptions ------------------------------------------------------------------------------
 
 
-class Events:
+class Events(endings.Closing):
     """A subscription, as an iterator of events; those of a conjunction come together as a tuple."""
 
     def __init__(
@@ -336,17 +335,6 @@ class Events:
 
     stop = close
 
-    def __enter__(self) -> Events:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
     def _type_of(self, number: int, schema_id: int) -> EventType | None:
         known = self._types.get((number, schema_id))
         if known or number > _TYPE_MAX:
@@ -418,7 +406,7 @@ def events(
 # ---- suppliers ----------------------------------------------------------------------------------
 
 
-class Supplier(Generic[_E]):
+class Supplier(endings.Closing, Generic[_E]):
     """Pushes events of one type to a hub."""
 
     def __init__(
@@ -470,17 +458,6 @@ class Supplier(Generic[_E]):
     def close(self) -> None:
         """Ends the supplier."""
         self._core = None
-
-    def __enter__(self) -> Supplier[_E]:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def supplier(

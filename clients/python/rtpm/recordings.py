@@ -6,10 +6,10 @@ import ctypes
 import json
 import os
 from collections.abc import Iterator, Mapping
-from types import TracebackType
 from typing import Any, NamedTuple, cast
 
 from . import _core, errors, schemas
+from .endings import Closing
 from .values import Struct
 
 _SAMPLED = "rtpm.device.Sampled"
@@ -118,7 +118,7 @@ class Topic:
         return f"<rtpm.Topic {self.name}: {self.count} of {self.type or 'no type'}>"
 
 
-class Recording:
+class Recording(Closing):
     """A file of recorded events, samples and calls."""
 
     def __init__(self, path: str | os.PathLike[str], *, incomplete: bool = False) -> None:
@@ -184,17 +184,6 @@ class Recording:
     def close(self) -> None:
         """Closes the file."""
         self._core = None
-
-    def __enter__(self) -> Recording:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         return f"<rtpm.Recording {self._path}: {self.duration:.1f} s, {len(self.topics)} topics>"

@@ -15,6 +15,7 @@
 #include <string>
 #include <utility>
 
+#include "binding.hpp"
 #include "errors.hpp"
 #include "remote_device.hpp"
 #include "rtpm/gvd/models_wire.hpp"
@@ -54,10 +55,8 @@ const char* name_of(gvd::DeviceOutcome outcome) noexcept {
                                const std::string& text = {}) {
   if (error.outcome() == gvd::DeviceOutcome::kCallFailed) raise(error.call(), {}, target);
   const std::string why = text.empty() ? std::string(gvd::to_string(error)) : text;
-  const nb::object exception =
-      nb::module_::import_("rtpm.errors").attr("of_device")(name_of(error.outcome()), why, target);
-  PyErr_SetObject(exception.type().ptr(), exception.ptr());
-  raise_python_error();
+  raise_object(
+      nb::module_::import_("rtpm.errors").attr("of_device")(name_of(error.outcome()), why, target));
 }
 
 void check(const gvd::DeviceResult& result, const std::string& target) {
@@ -66,16 +65,6 @@ void check(const gvd::DeviceResult& result, const std::string& target) {
 
 Duration seconds(double value) {
   return *span_of(value);
-}
-
-rpc::CallOptions options_of(std::optional<int> priority) {
-  rpc::CallOptions options;
-  if (!priority) return options;
-  if (!Priority::is_valid(*priority)) {
-    raise_value_error("priority takes 0 to 32767, not " + std::to_string(*priority));
-  }
-  options.priority = Priority{*priority};
-  return options;
 }
 
 template <class T>
@@ -108,7 +97,7 @@ SharedDevice open(const SharedNode& node, std::string target, double hold, doubl
 
 nb::bytes read(RemoteDevice& self, std::optional<int> priority) {
   self.see();
-  const rpc::CallOptions options = options_of(priority);
+  const rpc::CallOptions options = options_of(priority, std::nullopt);
   const auto sample = [&] {
     const Released released;
     return self.client().read(options);
@@ -120,7 +109,7 @@ nb::bytes read(RemoteDevice& self, std::optional<int> priority) {
 
 void command(RemoteDevice& self, const driver::Setpoint& setpoint, std::optional<int> priority) {
   self.see();
-  const rpc::CallOptions options = options_of(priority);
+  const rpc::CallOptions options = options_of(priority, std::nullopt);
   const auto done = [&] {
     const Released released;
     return self.client().set(setpoint, options);
@@ -184,7 +173,8 @@ std::unique_ptr<Servo> start_servo(const SharedDevice& device, double rate_hz, i
   if (!(rate_hz >= 1 && rate_hz <= 10'000)) raise_value_error("rate takes 1 to 10000 Hz");
   const auto list = models_of(models);
   device->see();
-  auto servo = value_of(Servo::start(device, rate_hz, *options_of(priority).priority));
+  auto servo =
+      value_of(Servo::start(device, rate_hz, *options_of(priority, std::nullopt).priority));
   servo->set(list);
   return servo;
 }

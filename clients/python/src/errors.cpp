@@ -24,11 +24,6 @@ const char* name_of(rpc::CallError error) noexcept {
   return kNames[static_cast<std::size_t>(error)];
 }
 
-[[noreturn]] void raise_object(const nb::object& exception) {
-  PyErr_SetObject(exception.type().ptr(), exception.ptr());
-  throw nb::python_error();
-}
-
 nb::object errors() {
   return nb::module_::import_("rtpm.errors");
 }
@@ -50,6 +45,11 @@ nb::object exception_of(rpc::CallError error, std::string_view method, std::stri
 
 void raise(rpc::CallError error, std::string_view method, std::string_view target) {
   raise_object(exception_of(error, method, target));
+}
+
+void raise_object(const nb::object& exception) {
+  PyErr_SetObject(exception.type().ptr(), exception.ptr());
+  throw nb::python_error();
 }
 
 void raise_python_error() {

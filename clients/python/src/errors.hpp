@@ -22,6 +22,8 @@ namespace rtpm::python {
 /// Raises it.
 [[noreturn]] void raise(rpc::CallError error, std::string_view method, std::string_view target);
 
+/// Raises this exception.
+[[noreturn]] void raise_object(const nanobind::object& exception);
 /// Raises the exception that a function of Python has set.
 [[noreturn]] void raise_python_error();
 [[noreturn]] void raise_stop_iteration();

@@ -43,10 +43,8 @@ struct Recording {
 using SharedRecording = std::shared_ptr<Recording>;
 
 [[noreturn]] void raise_recording(const std::string& path, const SetupError& error) {
-  const nb::object exception = nb::module_::import_("rtpm.errors")
-                                   .attr("of_recording")(path, error.what, error.why, error.remedy);
-  PyErr_SetObject(exception.type().ptr(), exception.ptr());
-  raise_python_error();
+  raise_object(nb::module_::import_("rtpm.errors")
+                   .attr("of_recording")(path, error.what, error.why, error.remedy));
 }
 
 SharedRecording open(const std::string& path, bool is_incomplete_read) {
