@@ -84,6 +84,7 @@ class Device(Closing):
         """
         self._node = node or default_node()
         self._hold = hold
+        self._stall = stall
         self._core: _core.Device | None = _core.Device(
             self._node.core, target, hold, patience, stall
         )
@@ -125,7 +126,7 @@ class Device(Closing):
         if hold is not None and hold != self._hold:
             target = self.core.target
             self._hold = hold
-            self._core = _core.Device(self._node.core, target, hold, 0.0, 0.5)
+            self._core = _core.Device(self._node.core, target, hold, 0.0, self._stall)
         return Tip(self, patience, take_over)
 
     def stop(self, scope: str = "device") -> None:

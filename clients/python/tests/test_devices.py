@@ -119,7 +119,7 @@ def test_the_lease_is_one_clients(arm: rtpm.Device, node: rtpm.Node) -> None:
 
 def test_the_lease_is_kept_only_while_python_runs(node: rtpm.Node) -> None:
     with rtpm.device("lab/arm0", node=node, stall=0.3) as arm:
-        tip = arm.command()
+        tip = arm.command(hold=0.02)
         arm.read()
         time.sleep(2.5)  # Longer than the stall and the lease together.
         with pytest.raises(rtpm.LeaseLost):
