@@ -46,6 +46,7 @@ from .errors import (
     WrongInterface,
 )
 from .events import Events, Filter, Received, Supplier, correlate, events, silence, supplier
+from .laboratory import Laboratory, demo
 from .recordings import Recorded, Recording, Topic, open
 from .servants import Refusal, Servant, Server, serve
 from .values import Buffer, Event, Struct, Table, Vector, replace
@@ -100,6 +101,7 @@ __all__ = [
     "Filter",
     "ForkedError",
     "Friction",
+    "Laboratory",
     "LeaseHeld",
     "LeaseLost",
     "MaybeLost",
@@ -154,6 +156,7 @@ __all__ = [
     "connect",
     "connect_async",
     "correlate",
+    "demo",
     "device",
     "events",
     "many",

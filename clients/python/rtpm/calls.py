@@ -86,6 +86,12 @@ def default_node() -> Node:
     return _default
 
 
+def forget_default_node() -> None:
+    """Makes the next user of the default node make it anew, by the environment as it is then."""
+    global _default
+    _default = None
+
+
 class _Bound:
     """The common part of clients: a bound object of a server."""
 
