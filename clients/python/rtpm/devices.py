@@ -83,6 +83,8 @@ class Device(Closing):
         command().
         """
         self._node = node or default_node()
+        #: Its name or URL, as it was opened.
+        self.name = target
         self._hold = hold
         self._stall = stall
         self._core: _core.Device | None = _core.Device(
@@ -141,8 +143,13 @@ class Device(Closing):
         self._core = None
 
     def __repr__(self) -> str:
-        state = "closed" if self._core is None else self._core.target
+        state = "closed" if self._core is None else self.name
         return f"<rtpm.Device {state}: {self._description.model}>"
+
+    def _repr_html_(self) -> str:
+        from .display import device_html
+
+        return device_html(self)
 
 
 class Tip:

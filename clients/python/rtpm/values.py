@@ -66,6 +66,7 @@ class Struct(ctypes.Structure):
 
     __slots__ = ()
     _rtpm_names_: ClassVar[tuple[str, ...]] = ()
+    _rtpm_units_: ClassVar[dict[str, str]] = {}
     _rtpm_key_: ClassVar[tuple[str, str]] = ("", "")
     _rtpm_origin_: ClassVar[Any] = None
     __match_args__: ClassVar[tuple[str, ...]] = ()
@@ -83,6 +84,11 @@ class Struct(ctypes.Structure):
     def __repr__(self) -> str:
         fields = ", ".join(f"{name}={_plain(getattr(self, name))!r}" for name in self._rtpm_names_)
         return f"{type(self).__name__}({fields})"
+
+    def _repr_html_(self) -> str:
+        from .display import value_html
+
+        return value_html(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore_struct, (self._rtpm_key_, bytes(self))
@@ -161,6 +167,7 @@ class Table:
     _rtpm_key_: ClassVar[tuple[str, str]] = ("", "")
     _rtpm_origin_: ClassVar[Any] = None
     _rtpm_fields_: ClassVar[dict[str, Callable[[], Any] | None]] = {}
+    _rtpm_units_: ClassVar[dict[str, str]] = {}
     __match_args__: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, **fields: Any) -> None:
@@ -190,6 +197,11 @@ class Table:
     def __repr__(self) -> str:
         fields = ", ".join(f"{name}={_plain(getattr(self, name))!r}" for name in self._rtpm_fields_)
         return f"{type(self).__name__}({fields})"
+
+    def _repr_html_(self) -> str:
+        from .display import value_html
+
+        return value_html(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore_table, (
@@ -308,6 +320,10 @@ def _quantity(field: dict[str, Any]) -> str:
     if field["frame"]:
         parts.append(f"in the frame {field['frame']}")
     return ", ".join(parts)
+
+
+def _quantities(item: dict[str, Any]) -> dict[str, str]:
+    return {field["attribute"]: _quantity(field) for field in item["fields"]}
 
 
 def _documentation(item: dict[str, Any]) -> str:
@@ -430,6 +446,7 @@ class Classes:
                 "__doc__": _documentation(item) or None,
                 "__match_args__": names,
                 "_rtpm_names_": names,
+                "_rtpm_units_": _quantities(item),
                 "_rtpm_key_": key,
                 "_fields_": fields,
                 "__init__": _initializer(item["class"], names),
@@ -465,6 +482,7 @@ class Classes:
             "__match_args__": tuple(fields),
             "_rtpm_key_": key,
             "_rtpm_fields_": fields,
+            "_rtpm_units_": _quantities(item),
         }
         if item["event"] is None:
             return type(item["class"], (Table,), body)
