@@ -47,6 +47,7 @@ from .errors import (
 )
 from .events import Events, Filter, Received, Supplier, correlate, events, silence, supplier
 from .laboratory import Laboratory, demo
+from .plots import Plot, plot
 from .recordings import Recorded, Recording, Topic, open
 from .servants import Refusal, Servant, Server, serve
 from .values import Buffer, Event, Struct, Table, Vector, replace
@@ -117,6 +118,7 @@ __all__ = [
     "Overload",
     "PeerRestarted",
     "Plane",
+    "Plot",
     "PriorityNotAllowed",
     "Quaternion",
     "Received",
@@ -161,6 +163,7 @@ __all__ = [
     "events",
     "many",
     "open",
+    "plot",
     "replace",
     "serve",
     "silence",

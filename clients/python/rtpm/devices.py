@@ -102,6 +102,11 @@ class Device(Closing):
         return self._core
 
     @property
+    def node(self) -> Node:
+        """The node that it was opened with."""
+        return self._node
+
+    @property
     def description(self) -> Description:
         """The device's own description: axes, limits, workspace, units."""
         return self._description

@@ -32,11 +32,10 @@ _ITEM_COUNT_MAX = 16
 _DEPTH_MAX = 3
 
 
-def unit_in(name: str) -> str:
-    """The unit at the end of a field's name: "N/m" of "stiffness_newton_per_m_max"."""
-    words = name.split("_")
-    if words[-1] in ("max", "min"):
-        words.pop()
+def name_and_unit(field: str) -> tuple[str, str]:
+    """A field's name without its unit, and that: "stiffness_max" and "N/m" of "stiffness_newton_per_m_max"."""
+    words = field.split("_")
+    bound = [words.pop()] if words[-1] in ("max", "min") else []
     upper: list[str] = []
     lower: list[str] = []
     while len(words) > 1 and words[-1] in _UNITS:
@@ -44,9 +43,8 @@ def unit_in(name: str) -> str:
         if len(words) > 1 and words[-1] == "per" and not lower:
             words.pop()
             upper, lower = [], upper
-    if not lower:
-        return "·".join(upper)
-    return f"{'·'.join(upper) or '1'}/{'·'.join(lower)}"
+    unit = "·".join(upper)
+    return "_".join(words + bound), f"{unit or '1'}/{'·'.join(lower)}" if lower else unit
 
 
 def printable(value: object) -> str:
@@ -93,7 +91,7 @@ def _value(value: Any, depth: int) -> str:
 
 def _fields(value: Struct | Table, depth: int) -> Iterable[tuple[str, str, str]]:
     for name in value.__match_args__:
-        unit = value._rtpm_units_.get(name) or unit_in(name)
+        unit = value._rtpm_units_.get(name) or name_and_unit(name)[1]
         yield name, _value(getattr(value, name), depth + 1), unit
 
 

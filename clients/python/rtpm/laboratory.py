@@ -6,14 +6,11 @@ import atexit
 import importlib
 import os
 import re
+import subprocess
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
 
 from . import calls, errors
-
-if TYPE_CHECKING:
-    import subprocess
 
 _FILE = Path(__file__).with_name("laboratory.toml")
 #: Ends the laboratory and removes its folder when its input ends, as it does when this process dies.
@@ -56,7 +53,6 @@ class Laboratory:
 
     def __init__(self, hand: str | os.PathLike[str] | None = None) -> None:
         """Starts it; see demo()."""
-        import subprocess
         import tempfile
 
         tool = _find_program("rtpm")
@@ -121,8 +117,6 @@ class Laboratory:
 
     def start(self, program: str, *arguments: str | os.PathLike[str]) -> subprocess.Popen[str]:
         """Starts a program of RTPM in this laboratory, such as `lab.start("rtpm", "record", "run.mcap")`."""
-        import subprocess
-
         if self._guard is None:
             raise errors.Error("this laboratory has ended")
         return subprocess.Popen(

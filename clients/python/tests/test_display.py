@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 import rtpm
 from rtpm import schemas
-from rtpm.display import unit_in
+from rtpm.display import name_and_unit
 
 TEXT = """
 attribute "rtpm_unit";
@@ -30,14 +30,15 @@ def lab() -> Iterator[rtpm.Laboratory]:
 
 def test_the_unit_of_a_field_is_in_its_name() -> None:
     units = {
-        "position_m": "m",
-        "stiffness_newton_per_m_max": "N/m",
-        "damping_newton_metre_s_per_rad": "N·m·s/rad",
-        "items_per_s": "1/s",
-        "sequence": "",
-        "m": "",
+        "position_m": ("position", "m"),
+        "stiffness_newton_per_m_max": ("stiffness_max", "N/m"),
+        "damping_newton_metre_s_per_rad": ("damping", "N·m·s/rad"),
+        "items_per_s": ("items", "1/s"),
+        "sequence": ("sequence", ""),
+        "m": ("m", ""),
+        "max": ("max", ""),
     }
-    assert {name: unit_in(name) for name in units} == units
+    assert {name: name_and_unit(name) for name in units} == units
 
 
 def test_values_have_units_and_ranges() -> None:
