@@ -121,6 +121,10 @@ class RingReader {
   [[nodiscard]] bool has_more() const noexcept {
     return control_->head.load(std::memory_order_acquire) != position_;
   }
+  /// Whether the unread records, also those for other slots, take more than half of the ring.
+  [[nodiscard]] bool is_late() const noexcept {
+    return control_->head.load(std::memory_order_acquire) - position_ > size_ / 2;
+  }
   /// Events written for this slot, read or not.
   [[nodiscard]] std::uint64_t written_count() const noexcept {
     return control_->counts[slot_].load(std::memory_order_acquire);

@@ -29,11 +29,13 @@ void RingSession::begin(std::uint32_t slot, std::uint64_t owner, std::uint64_t p
 
 void RingSession::set_policy(const DeliveryPolicy& policy) {
   direct_max_ = policy.when_full == QueuePolicy::kKeepLatest ? 1 : policy.queue_capacity;
+  is_queue_ring_ =
+      policy.when_full == QueuePolicy::kDropOldest && policy.queue_capacity == kQueueCapacityMax;
   queue_.set_policy(policy);
 }
 
 RingSession::Outcome RingSession::take(const Taker& taker, Asking) {
-  if (queue_.empty() && backlog() <= direct_max_) {
+  if (is_direct()) {
     const RingRead read = reader_->read();
     if (read == RingRead::kNothing || read == RingRead::kOverrun) return Outcome::kNothing;
     if (read == RingRead::kGone) return Outcome::kGone;

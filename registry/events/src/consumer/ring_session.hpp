@@ -60,6 +60,11 @@ class RingSession final : public BroadcastSession {
     const std::uint64_t written = reader_->written_count();
     return written > known ? written - known : 0;
   }
+  /// Whether the ring is queue enough.
+  [[nodiscard]] bool is_direct() const noexcept {
+    if (!queue_.empty()) return false;
+    return is_queue_ring_ ? !reader_->is_late() : backlog() <= direct_max_;
+  }
   /// Decodes the record into group_; false if malformed.
   [[nodiscard]] bool parse() noexcept;
   [[nodiscard]] std::optional<Outcome> fill_queue();
@@ -68,6 +73,7 @@ class RingSession final : public BroadcastSession {
   std::uint64_t id_;
   std::optional<RingReader> reader_{};
   std::uint64_t direct_max_ = 0;  ///< The largest backlog with which events bypass the queue.
+  bool is_queue_ring_ = false;    ///< They do as long as the ring has place for more of them.
   LocalQueue queue_{};
   std::vector<EventView> group_{};
 };

@@ -93,6 +93,22 @@ TEST_F(HubRing, SleepingConsumerKeepsToItsPolicyAndReportsItsLosses) {
   EXPECT_EQ(quick->counters().losses, Losses{});
 }
 
+TEST_F(HubRing, TheLargestQueueIsTheRing) {
+  Sleeper sleeper;
+  const auto supplier = make_supplier(node_, hub_);
+  const auto slow = join(sleeper, of_type(kPose), {.queue_capacity = kQueueCapacityMax});
+  const auto quick = join(recorder_, of_type(kPose), {.queue_capacity = kQueueCapacityMax});
+  push(*supplier, kPose);
+  ASSERT_TRUE(sleeper.await_deliveries(1));
+  constexpr std::size_t kCount = 2 * kQueueCapacityMax;
+  for (std::size_t i = 1; i <= kCount; ++i)
+    push(*supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(kCount + 1));
+  sleeper.release();
+  ASSERT_TRUE(sleeper.await_deliveries(kCount + 1));
+  EXPECT_EQ(slow->counters().losses, Losses{});
+}
+
 TEST(HubRingLimits, OverrunConsumerReportsItsLosses) {
   ServedHub hub({.ring_size = 64 * 1024});
   rpc::Node node;

@@ -12,7 +12,7 @@
 /// How a subscription receives accepted events: how many, and what happens if the consumer is slow.
 namespace rtpm::events {
 
-inline constexpr std::uint32_t kQueueCapacityMax = 4096;  ///< In events.
+inline constexpr std::uint32_t kQueueCapacityMax = 4096;  ///< In events; a ring may hold more.
 /// Capacity of a kKeepLatest queue, whose look-up is linear.
 inline constexpr std::uint32_t kLatestQueueCapacityMax = 64;
 inline constexpr std::uint32_t kReplayMax = 64;
