@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from . import _core
-from .calls import Node, _Bound, close, default_node, set_facts
+from .calls import Node, _Bound, close, default_node, scope, set_facts
 
 if TYPE_CHECKING:
     from .schemas import Schema
@@ -133,7 +133,7 @@ async def _call(
         else:
             future.set_exception(error)
 
-    number = calls.begin(binding, index, request, priority, deadline, done)
+    number = calls.begin(binding, index, request, priority, deadline, scope.get(), done)
     try:
         return await future
     except asyncio.CancelledError:
@@ -164,7 +164,9 @@ def _method(index: int, method: dict[str, Any]) -> Any:
         ) -> Any:
             argument = _argument(method, request)
             return AsyncStream(
-                self._rtpm_binding_.open_stream(index, argument, priority, deadline, 16)
+                self._rtpm_binding_.open_stream(
+                    index, argument, priority, deadline, scope.get(), 16
+                )
             )
 
         return stream
@@ -173,7 +175,9 @@ def _method(index: int, method: dict[str, Any]) -> Any:
         async def oneway(
             self: Any, *request: Any, priority: int | None = None, deadline: float | None = None
         ) -> None:
-            self._rtpm_binding_.call(index, _argument(method, request), priority, deadline)
+            self._rtpm_binding_.call(
+                index, _argument(method, request), priority, deadline, scope.get()
+            )
 
         return oneway
 

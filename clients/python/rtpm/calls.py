@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import contextvars
 import os
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
@@ -90,6 +92,26 @@ def forget_default_node() -> None:
     """Makes the next user of the default node make it anew, by the environment as it is then."""
     global _default
     _default = None
+
+
+#: What the calls of this task or thread inherit: of calling(), or of the call that a servant answers.
+scope: contextvars.ContextVar[_core.CallScope | None] = contextvars.ContextVar(
+    "rtpm.scope", default=None
+)
+
+
+@contextlib.contextmanager
+def calling(*, priority: int | None = None, deadline: float | None = None) -> Iterator[None]:
+    """Gives all calls of its `with` block a priority, or a time by which they end together.
+
+    deadline: seconds from now, in place of the methods' own deadlines, and within that of an outer
+    block or of the call that a servant answers. A call's own arguments go before both.
+    """
+    token = scope.set(_core.CallScope(priority, deadline, scope.get()))
+    try:
+        yield
+    finally:
+        scope.reset(token)
 
 
 class _Bound:
@@ -186,7 +208,7 @@ def many(
         raise TypeError(
             "rtpm.many takes a method of a client, such as rtpm.many(arm.get_force, requests)"
         )
-    return client._rtpm_binding_.call_many(index, requests, priority, deadline)
+    return client._rtpm_binding_.call_many(index, requests, priority, deadline, scope.get())
 
 
 def _signature(method: dict[str, Any], schema: Schema) -> str:
@@ -226,12 +248,14 @@ def _method(schema: Schema, index: int, method: dict[str, Any], owner: str) -> A
     if method["is_stream"]:
 
         def call(self: Any, request: Any, priority: Any, deadline: Any) -> Any:
-            return Stream(self._rtpm_binding_.open_stream(index, request, priority, deadline, 16))
+            return Stream(
+                self._rtpm_binding_.open_stream(index, request, priority, deadline, scope.get(), 16)
+            )
 
     else:
 
         def call(self: Any, request: Any, priority: Any, deadline: Any) -> Any:
-            return self._rtpm_binding_.call(index, request, priority, deadline)
+            return self._rtpm_binding_.call(index, request, priority, deadline, scope.get())
 
     function: Any
     if method["request"] is None:

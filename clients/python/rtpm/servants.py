@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import abc
 import asyncio
+import contextvars
 import inspect
 import logging
 import threading
@@ -16,7 +17,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from . import _core, endings
-from .calls import Node, default_node
+from .calls import Node, default_node, scope
 
 if TYPE_CHECKING:
     from .schemas import Schema
@@ -46,11 +47,67 @@ class Servant(abc.ABC):  # noqa: B024 (generated classes have the methods)
     """An object that serves calls. Derive from a generated class, such as `ArmServant`.
 
     Methods are ordinary or `async`; a method that answers with a stream is a generator. An exception
-    other than Refusal is logged, and its text goes to the caller.
+    other than Refusal is logged, and its text goes to the caller. Calls that a method makes inherit
+    the priority and the remaining time of the call that it answers: rtpm.current_call().
     """
 
     _rtpm_schema_: ClassVar[Any] = None
     _rtpm_service_: ClassVar[int] = 0
+
+
+class Call:
+    """The call that a servant's method answers, as rtpm.current_call() returns it."""
+
+    __slots__ = ("_job",)
+
+    def __init__(self, job: _core.Job) -> None:
+        self._job = job
+
+    @property
+    def priority(self) -> int:
+        """Its priority, which calls of the method inherit."""
+        return self._job.priority
+
+    @property
+    def seconds_left(self) -> float | None:
+        """How long its caller still waits; None if for ever. Calls of the method end by then."""
+        return self._job.seconds_left
+
+    @property
+    def is_awaited(self) -> bool:
+        """False once its caller cancelled, left, or waits no longer: further work is wasted."""
+        return self._job.is_awaited
+
+    @property
+    def trace_id(self) -> int:
+        """A number that its caller set, 0 if none; calls of the method pass it on."""
+        return self._job.trace_id
+
+    @property
+    def session(self) -> int:
+        """The session of its caller: equal numbers mean the same caller."""
+        return self._job.session
+
+    @property
+    def host(self) -> str:
+        """The address of its caller's host; "127.0.0.1" for this host."""
+        return self._job.caller_host
+
+    @property
+    def caller(self) -> str:
+        """Its caller's name in the grants; empty if the server checks none, or they give none."""
+        return self._job.caller_name
+
+    def __repr__(self) -> str:
+        return f"<rtpm.Call priority {self.priority}, {self.seconds_left} s left, from {self.host}>"
+
+
+_call: contextvars.ContextVar[Call | None] = contextvars.ContextVar("rtpm.call", default=None)
+
+
+def current_call() -> Call | None:
+    """The call that this task or thread answers; None outside servants' methods."""
+    return _call.get()
 
 
 class Server:
@@ -143,7 +200,7 @@ class Server:
             if not job.is_awaited:
                 job.expire()
                 continue
-            self._run(job)
+            contextvars.copy_context().run(self._run, job)
 
     def _run(self, job: _core.Job) -> None:
         servant = self._servants[job.servant]
@@ -151,6 +208,9 @@ class Server:
             job.method
         ]
         function = getattr(servant, method["attribute"])
+        # Tasks of `async` methods copy these.
+        _call.set(Call(job))
+        scope.set(job.scope)
         try:
             if method["request"] is None:
                 result = function()

@@ -1,5 +1,6 @@
 #include "binding.hpp"
 
+#include <algorithm>
 #include <deque>
 #include <utility>
 
@@ -44,16 +45,11 @@ std::shared_ptr<nb::object> kept(const nb::object& object) {
 
 }  // namespace
 
-rpc::CallOptions options_of(std::optional<int> priority, std::optional<double> deadline) {
-  rpc::CallOptions options;
-  if (priority) {
-    if (!Priority::is_valid(*priority)) {
-      raise_value_error("priority takes 0 to 32767, not " + std::to_string(*priority));
-    }
-    options.priority = Priority{*priority};
+Priority priority_of(int priority) {
+  if (!Priority::is_valid(priority)) {
+    raise_value_error("priority takes 0 to 32767, not " + std::to_string(priority));
   }
-  options.deadline = span_of(deadline);
-  return options;
+  return Priority{priority};
 }
 
 Binding::Binding(SharedNode node, nb::object schema, std::size_t service, std::string target,
@@ -74,10 +70,37 @@ Binding::Binding(SharedNode node, nb::object schema, std::size_t service, std::s
   binding_ = std::make_unique<rpc::Binding>(value_of(std::move(bound)));
 }
 
+rpc::CallOptions options_of(std::optional<int> priority, std::optional<double> deadline) {
+  rpc::CallOptions options;
+  if (priority) options.priority = priority_of(*priority);
+  options.deadline = span_of(deadline);
+  return options;
+}
+
+rpc::CallOptions Binding::options(std::size_t index, std::optional<int> priority,
+                                  std::optional<double> deadline, const CallScope* scope) const {
+  rpc::CallOptions options = options_of(priority, deadline);
+  if (scope == nullptr) return options;
+  options.trace_id = scope->trace_id;
+  if (!priority) options.priority = scope->priority;
+  if (!deadline && scope->deadline != kNever) {
+    options.deadline = std::max(scope->deadline - rt::now(), Duration{0});
+    const rpc::MethodDescriptor& facts = interface_.methods[index];
+    const Duration usual = facts.default_deadline > Duration{0}
+                               ? facts.default_deadline
+                               : node_->node.config().default_deadline;
+    // A stream has no deadline of its own.
+    if (!scope->replaces_deadlines && !method(index).is_stream) {
+      options.deadline = std::min(*options.deadline, usual);
+    }
+  }
+  return options;
+}
+
 nb::object Binding::call(std::size_t index, nb::handle request, std::optional<int> priority,
-                         std::optional<double> deadline) {
+                         std::optional<double> deadline, const CallScope* scope) {
   const auto bytes = schema_.codec().encode(method(index).request, request);
-  const rpc::CallOptions options = options_of(priority, deadline);
+  const rpc::CallOptions options = this->options(index, priority, deadline, scope);
   if (method(index).oneway) {
     send(index, bytes, options);
     return nb::none();
@@ -87,8 +110,8 @@ nb::object Binding::call(std::size_t index, nb::handle request, std::optional<in
 }
 
 nb::list Binding::call_many(std::size_t index, nb::handle requests, std::optional<int> priority,
-                            std::optional<double> deadline) {
-  const rpc::CallOptions options = options_of(priority, deadline);
+                            std::optional<double> deadline, const CallScope* scope) {
+  const rpc::CallOptions options = this->options(index, priority, deadline, scope);
   std::deque<rpc::PendingReply> open;
   nb::list replies;
   const auto take = [&] {
@@ -106,10 +129,12 @@ nb::list Binding::call_many(std::size_t index, nb::handle requests, std::optiona
 
 std::unique_ptr<Stream> Binding::open_stream(std::size_t index, nb::handle request,
                                              std::optional<int> priority,
-                                             std::optional<double> deadline, std::uint32_t window) {
+                                             std::optional<double> deadline, const CallScope* scope,
+                                             std::uint32_t window) {
   if (window < 1 || window > 32) raise_value_error("window takes 1 to 32");
   const auto bytes = schema_.codec().encode(method(index).request, request);
-  const rpc::StreamOptions options{.call = options_of(priority, deadline), .window = window};
+  const rpc::StreamOptions options{.call = this->options(index, priority, deadline, scope),
+                                   .window = window};
   auto reader = [&] {
     const Released released;
     return binding_->open_stream(interface_.methods[index], bytes, options);

@@ -15,7 +15,18 @@
 
 namespace rtpm::python {
 
-/// The options of a call.
+/// What calls inherit that give no priority, deadline or trace of their own.
+struct CallScope {
+  std::optional<Priority> priority{};
+  MonotonicTime deadline = kNever;
+  /// The deadline replaces those of the methods, instead of only shortening them.
+  bool replaces_deadlines = false;
+  std::uint64_t trace_id = 0;
+};
+
+/// @errors raises ValueError, with the range
+[[nodiscard]] Priority priority_of(int priority);
+/// The options of a call outside any scope.
 /// @errors raises ValueError, with the range
 [[nodiscard]] rpc::CallOptions options_of(std::optional<int> priority,
                                           std::optional<double> deadline);
@@ -32,15 +43,21 @@ class Binding {
           std::optional<double> deadline);
 
   [[nodiscard]] nanobind::object call(std::size_t index, nanobind::handle request,
-                                      std::optional<int> priority, std::optional<double> deadline);
+                                      std::optional<int> priority, std::optional<double> deadline,
+                                      const CallScope* scope);
   /// Calls with each request, several at a time.
   [[nodiscard]] nanobind::list call_many(std::size_t index, nanobind::handle requests,
                                          std::optional<int> priority,
-                                         std::optional<double> deadline);
+                                         std::optional<double> deadline, const CallScope* scope);
   [[nodiscard]] std::unique_ptr<Stream> open_stream(std::size_t index, nanobind::handle request,
                                                     std::optional<int> priority,
                                                     std::optional<double> deadline,
-                                                    std::uint32_t window);
+                                                    const CallScope* scope, std::uint32_t window);
+  /// The options of a call.
+  /// @errors raises ValueError, with the range
+  [[nodiscard]] rpc::CallOptions options(std::size_t index, std::optional<int> priority,
+                                         std::optional<double> deadline,
+                                         const CallScope* scope) const;
   /// Sends a call without waiting.
   [[nodiscard]] expected<rpc::PendingReply, rpc::CallError> start(std::size_t index,
                                                                   nanobind::handle request,

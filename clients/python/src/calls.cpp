@@ -5,6 +5,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <utility>
@@ -12,6 +13,7 @@
 #include "binding.hpp"
 #include "errors.hpp"
 #include "rtpm/rpc/completions.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "stream.hpp"
 #include "waiting.hpp"
 
@@ -33,9 +35,9 @@ class AsyncCalls {
   /// call's number for cancel().
   rpc::CallNumber begin(nb::object binding, std::size_t index, nb::handle request,
                         std::optional<int> priority, std::optional<double> deadline,
-                        nb::object done) {
+                        const CallScope* scope, nb::object done) {
     auto& bound = nb::cast<Binding&>(binding);
-    auto begun = bound.start(index, request, options_of(priority, deadline));
+    auto begun = bound.start(index, request, bound.options(index, priority, deadline, scope));
     return completions_.then(std::move(begun), [&bound, keep = std::move(binding), index,
                                                 done = std::move(done)](const auto& reply) {
       try {
@@ -54,18 +56,40 @@ class AsyncCalls {
   rpc::Completions completions_{};
 };
 
+/// What calls inherit within a scope that has a priority or a deadline, inside `outer`.
+std::unique_ptr<CallScope> make_scope(std::optional<int> priority, std::optional<double> seconds,
+                                      const CallScope* outer) {
+  auto scope = std::make_unique<CallScope>(outer == nullptr ? CallScope{} : *outer);
+  if (priority) scope->priority = priority_of(*priority);
+  if (const auto span = span_of(seconds)) {
+    scope->deadline = std::min(scope->deadline, deadline_after(*span, rt::now()));
+    scope->replaces_deadlines = true;
+  }
+  return scope;
+}
+
 }  // namespace
 
 void define_calls(nb::module_& module) {
+  nb::class_<CallScope>(module, "CallScope")
+      .def(nb::new_(&make_scope), "priority"_a.none(), "seconds"_a.none(), "outer"_a.none())
+      .def_prop_ro("priority",
+                   [](const CallScope& self) -> std::optional<int> {
+                     if (!self.priority) return std::nullopt;
+                     return self.priority->value();
+                   })
+      .def_prop_ro("seconds_left",
+                   [](const CallScope& self) { return seconds_until(self.deadline); })
+      .def_ro("trace_id", &CallScope::trace_id);
   nb::class_<Binding>(module, "Binding")
       .def(nb::init<SharedNode, nb::object, std::size_t, std::string, std::optional<double>>(),
            "node"_a, "schema"_a, "service"_a, "target"_a, "deadline"_a.none())
       .def("call", &Binding::call, "method"_a, "request"_a.none(), "priority"_a.none(),
-           "deadline"_a.none())
+           "deadline"_a.none(), "scope"_a.none())
       .def("call_many", &Binding::call_many, "method"_a, "requests"_a, "priority"_a.none(),
-           "deadline"_a.none())
+           "deadline"_a.none(), "scope"_a.none())
       .def("open_stream", &Binding::open_stream, "method"_a, "request"_a.none(),
-           "priority"_a.none(), "deadline"_a.none(), "window"_a)
+           "priority"_a.none(), "deadline"_a.none(), "scope"_a.none(), "window"_a)
       .def("ping", &Binding::ping, "deadline"_a.none())
       .def_prop_ro("url", &Binding::url)
       .def_prop_ro("transport", [](const Binding& self) { return std::string(self.transport()); })
@@ -80,7 +104,7 @@ void define_calls(nb::module_& module) {
       .def("poll", &AsyncCalls::poll)
       .def("cancel", &AsyncCalls::cancel, "number"_a)
       .def("begin", &AsyncCalls::begin, "binding"_a, "method"_a, "request"_a.none(),
-           "priority"_a.none(), "deadline"_a.none(), "done"_a);
+           "priority"_a.none(), "deadline"_a.none(), "scope"_a.none(), "done"_a);
 }
 
 }  // namespace rtpm::python

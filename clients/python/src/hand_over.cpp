@@ -16,7 +16,10 @@ rpc::DispatchResult HandedOver::dispatch(std::uint16_t method_id, ConstBytes req
             .request = {request.begin(), request.end()},
             .deadline = context.deadline,
             .priority = context.priority,
-            .trace_id = context.trace_id};
+            .trace_id = context.trace_id,
+            .session = context.session,
+            .caller = context.caller};
+  if (context.identity != nullptr) call.caller_name = context.identity->name();
   if (found->is_stream) {
     call.items = context.deferral->stream();
   } else {

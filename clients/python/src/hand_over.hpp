@@ -7,11 +7,13 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/rpc/caller.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/schema/model.hpp"
 
@@ -26,6 +28,9 @@ struct Call {
   MonotonicTime deadline = kNever;
   Priority priority{};
   std::uint64_t trace_id = 0;
+  std::uint64_t session = 0;
+  rpc::CallerHost caller{};
+  std::string caller_name{};  ///< In the grants; empty without one.
   rpc::DeferredReply reply{};
   rpc::ItemWriter items{};  ///< In place of the reply, for a stream.
 };

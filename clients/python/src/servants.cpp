@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "binding.hpp"
 #include "errors.hpp"
 #include "hand_over.hpp"
 #include "node.hpp"
@@ -59,9 +60,13 @@ class Job {
     return call_.items ? call_.items.is_awaited()
                        : call_.reply.is_awaited() && rt::now() < call_.deadline;
   }
-  double seconds_left() const noexcept {
-    const auto left = std::max(call_.deadline - rt::now(), Duration{0});
-    return static_cast<double>(left.count()) * 1e-9;
+  std::optional<double> seconds_left() const { return seconds_until(call_.deadline); }
+  std::uint64_t session() const noexcept { return call_.session; }
+  std::string caller_host() const { return rpc::to_string(call_.caller); }
+  const std::string& caller_name() const noexcept { return call_.caller_name; }
+  /// What the calls of its method inherit.
+  CallScope scope() const noexcept {
+    return {.priority = call_.priority, .deadline = call_.deadline, .trace_id = call_.trace_id};
   }
 
   /// The argument; None after a refusal, because the bytes are not a request of the method.
@@ -226,6 +231,10 @@ void define_servants(nb::module_& module) {
       .def_prop_ro("is_awaited", &Job::is_awaited)
       .def_prop_ro("is_answered", &Job::is_answered)
       .def_prop_ro("seconds_left", &Job::seconds_left)
+      .def_prop_ro("session", &Job::session)
+      .def_prop_ro("caller_host", &Job::caller_host)
+      .def_prop_ro("caller_name", &Job::caller_name)
+      .def_prop_ro("scope", &Job::scope)
       .def("request", &Job::request)
       .def("complete", &Job::complete, "value"_a.none())
       .def("refuse", &Job::refuse, "kind"_a, "text"_a)

@@ -1,6 +1,9 @@
 #include "waiting.hpp"
 
+#include <algorithm>
 #include <atomic>
+
+#include "rtpm/rt/clock.hpp"
 
 namespace rtpm::python {
 namespace {
@@ -20,6 +23,11 @@ Released::~Released() {
   }
   PyEval_RestoreThread(state_);
   returning_count.fetch_sub(1);
+}
+
+std::optional<double> seconds_until(MonotonicTime time) {
+  if (time == kNever) return std::nullopt;
+  return std::chrono::duration<double>(std::max(time - rt::now(), Duration{0})).count();
 }
 
 void end_threads() {

@@ -38,6 +38,9 @@ class Released {
 /// Lets no other thread return to the interpreter from now on. Call it last, with the GIL.
 void end_threads();
 
+/// Seconds from now, not below 0; None if never.
+[[nodiscard]] std::optional<double> seconds_until(MonotonicTime time);
+
 /// Runs the interpreter's signal handlers.
 /// @errors raises the handler's exception
 inline void check_signals() {
