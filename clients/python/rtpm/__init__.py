@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ._core import version as __version__
 from .asynchronous import AsyncClient, AsyncStream, bind, connect_async
-from .calls import Client, Node, Stream, close, connect, many, transport_of, url_of
+from .calls import Client, Node, Stream, calling, close, connect, many, transport_of, url_of
 from .devices import Device, Servo, Tip, device
 from .errors import (
     BadCommand,
@@ -45,11 +45,23 @@ from .errors import (
     WrongBand,
     WrongInterface,
 )
-from .events import Events, Filter, Received, Supplier, correlate, events, silence, supplier
+from .events import (
+    Batch,
+    Batches,
+    Events,
+    Filter,
+    Losses,
+    Received,
+    Supplier,
+    correlate,
+    events,
+    silence,
+    supplier,
+)
 from .laboratory import Laboratory, demo
 from .plots import Plot, plot
 from .recordings import Recorded, Recording, Topic, open
-from .servants import Refusal, Servant, Server, serve
+from .servants import Call, Refusal, Servant, Server, current_call, serve
 from .values import Buffer, Event, Struct, Table, Vector, replace
 
 # After values and calls, which it is made with.
@@ -81,8 +93,11 @@ __all__ = [
     "BadCommand",
     "BadReply",
     "BadRequest",
+    "Batch",
+    "Batches",
     "Box",
     "Buffer",
+    "Call",
     "CallError",
     "Cancelled",
     "Client",
@@ -105,6 +120,7 @@ __all__ = [
     "Laboratory",
     "LeaseHeld",
     "LeaseLost",
+    "Losses",
     "MaybeLost",
     "NameNotFound",
     "NoChannel",
@@ -154,10 +170,12 @@ __all__ = [
     "WrongBand",
     "WrongInterface",
     "bind",
+    "calling",
     "close",
     "connect",
     "connect_async",
     "correlate",
+    "current_call",
     "demo",
     "device",
     "events",

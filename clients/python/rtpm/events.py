@@ -6,12 +6,15 @@ dropped and counted.
 
 from __future__ import annotations
 
+import asyncio
 import ctypes
+import dataclasses
 import functools
 import logging
 import time
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
+from types import TracebackType
 from typing import Any, Generic, TypeVar, cast
 
 from . import _core, endings, errors, schemas, values
@@ -31,6 +34,8 @@ _DEVICE_TYPES = range(1380974593, 1380974601)
 _DEVICE = "rtpm.device.Device"
 #: How often unknown types and names are asked for again, in seconds.
 _ASK_INTERVAL = 1.0
+#: How many events an `async for` takes in a row before the other tasks have their turn.
+_EAGER_COUNT_MAX = 64
 
 
 # ---- filters ------------------------------------------------------------------------------------
@@ -79,9 +84,9 @@ def filter_of(where: Where) -> Filter:
     if isinstance(where, str):
         return Filter(where)
     if isinstance(where, type):
-        if not issubclass(where, Event) or not where.type_number:
+        if not issubclass(where, Event) or not where._rtpm_event_[0]:
             raise TypeError(f"where takes the class of an event, not {where.__name__}")
-        return Filter(f"type({where.type_number})", (where,))
+        return Filter(f"type({where._rtpm_event_[0]})", (where,))
     if isinstance(where, types.UnionType):
         where = where.__args__
     if not isinstance(where, Iterable):
@@ -170,18 +175,34 @@ class Received:
     __slots__ = (
         "_events",
         "_payload",
+        "_type",
         "_value",
+        "is_replayed",
+        "priority",
         "sequence",
         "source",
         "time_ns",
         "type_number",
-        "_type",
     )
 
-    def __init__(self, events: Events, event: tuple[int, int, int, int, int, bytes]) -> None:
-        self.type_number, schema_id, self.time_ns, self.source, self.sequence, self._payload = event
+    def __init__(self, events: Events, event: _Event) -> None:
+        (
+            self.type_number,
+            schema_id,
+            #: When it happened, on the clock of time.monotonic_ns().
+            self.time_ns,
+            self.source,
+            self.sequence,
+            #: That of its supplier.
+            self.priority,
+            #: Whether it is older than the subscription.
+            self.is_replayed,
+            self._payload,
+        ) = event
         self._events = events
-        self._type = events._type_of(self.type_number, schema_id)
+        self._type = events._types.get((self.type_number, schema_id)) or events._type_of(
+            self.type_number, schema_id
+        )
 
     @property
     def type(self) -> _EventClass | None:
@@ -220,9 +241,143 @@ class Received:
 
 # ---- subscriptions ------------------------------------------------------------------------------
 
+#: An event of the extension: type, schema, time, source, sequence, priority, whether it is replayed,
+#: and payload.
+_Event = tuple[int, int, int, int, int, int, bool, bytes]
+
+
+@dataclasses.dataclass(frozen=True)
+class Losses:
+    """How many events were lost, by cause."""
+
+    #: This program took them too late: `queue` events waited for it already.
+    queue: int = 0
+    #: It took them too late: 64 MiB waited for it already.
+    queue_memory: int = 0
+    #: A newer event of the same type and source took their place: policy "keep_latest".
+    replaced: int = 0
+    #: More than 4096 events came faster than the subscription's thread or the network took them.
+    overflow: int = 0
+    #: The hub's ring in shared memory was overwritten before the subscription's thread read it.
+    overrun: int = 0
+    #: The network lost them: multicast.
+    network: int = 0
+    #: The hub, or the subscription's thread, had no memory for them.
+    memory: int = 0
+    #: They were too large for the transport.
+    too_large: int = 0
+
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return sum(dataclasses.astuple(self))
+
+    def __bool__(self) -> bool:
+        return self.total > 0
+
+
+def _end_of(timeout: float | None) -> float | None:
+    return None if timeout is None else time.monotonic() + timeout
+
+
+def _left_until(end: float | None) -> float | None:
+    return None if end is None else max(end - time.monotonic(), 0.0)
+
+
+class Batch(Sequence[Any]):
+    """Events of one type, a sequence of (time_ns, source, sequence, payload).
+
+    numpy.asarray(batch) is a structured array that shares its memory.
+    """
+
+    __slots__ = ("records",)
+
+    def __init__(self, records: ctypes.Array[Any]) -> None:
+        #: A ctypes array, which is a buffer.
+        self.records = records
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.records[index]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        import numpy
+
+        # Not by the buffer's format, in which ctypes leaves out the padding at a struct's end.
+        kind = numpy.dtype(self.records._type_)
+        array = numpy.frombuffer(cast(Any, self.records), kind)
+        if dtype is not None and numpy.dtype(dtype) != kind:
+            return array.astype(dtype)
+        return array.copy() if copy else array
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} {self.records._type_.__name__}>"
+
+
+class Batches:
+    """The events of a subscription, many at a time, for `for` and `async for`."""
+
+    def __init__(self, events: Events, count: int, timeout: float | None) -> None:
+        self._events = events
+        self._count = count
+        self._timeout = timeout
+
+    def __iter__(self) -> Batches:
+        return self
+
+    def __next__(self) -> Batch:
+        end = _end_of(self._timeout)
+        while True:
+            core = self._events._open_core()
+            if core is None:
+                raise StopIteration
+            batch = self._take(core, core.peek(_left_until(end)))
+            if batch:
+                return batch
+
+    def __aiter__(self) -> Batches:
+        return self
+
+    async def __anext__(self) -> Batch:
+        end = _end_of(self._timeout)
+        while True:
+            core, first = await self._events._await(lambda core: core.try_peek(), end)
+            batch = self._take(core, first)
+            if batch:
+                return batch
+
+    def _take(self, core: _core.Subscription, first: Any) -> Batch | None:
+        """A batch that begins with the event that peek() described; None if that is a timeout."""
+        number, schema_id, size, is_part = first
+        if number > _TYPE_MAX:
+            core.try_next()
+            return None
+        known = self._events._type_of(number, schema_id)
+        if is_part or known is None or known.struct is None:
+            name = known.name if known else f"type {number}"
+            raise TypeError(
+                f"{name}: batches takes single events of a struct; use next() for others"
+            )
+        if size != ctypes.sizeof(known.struct):
+            core.try_next()
+            raise errors.BadReply(
+                f"{known.name}: an event has {size} bytes, its schema {ctypes.sizeof(known.struct)}"
+            )
+        record = known.record
+        data = core.take_records(
+            self._count, number, schema_id, size, record.payload.offset, ctypes.sizeof(record)
+        )
+        return Batch((record * (len(data) // ctypes.sizeof(record))).from_buffer(data))
+
 
 class Events(endings.Closing):
-    """A subscription, as an iterator of events; those of a conjunction come together as a tuple."""
+    """A subscription, as an iterator of events; those of a conjunction come together as a tuple.
+
+    `for` waits, `async for` lets the other tasks of its event loop run. Either ends when the
+    subscription is closed.
+    """
 
     def __init__(
         self,
@@ -230,19 +385,26 @@ class Events(endings.Closing):
         *,
         hub: str = "rtpm/events",
         node: Node | None = None,
-        queue: int = 4096,
+        queue: int = 65536,
         policy: str = "drop_oldest",
+        every_nth: int = 1,
+        interval: float = 0,
+        interval_per_source: bool = False,
+        deadbands: Iterable[tuple[_EventClass, str, float]] = (),
+        replay: int = 0,
+        priority: int = 0,
+        multicast: bool = False,
     ) -> None:
-        """Subscribes to the events of `hub`, a name or a URL; see rtpm.events()."""
         if policy not in ("drop_oldest", "keep_latest"):
             raise ValueError(f"policy takes 'drop_oldest' or 'keep_latest', not {policy!r}")
-        if not 1 <= queue <= 1 << 20:
-            raise ValueError(f"queue takes 1 to {1 << 20}, not {queue}")
+        _check_range("queue", queue, 1, 1 << 20)
+        _check_range("every_nth", every_nth, 1, (1 << 32) - 1)
+        _check_range("replay", replay, 0, 64)
         self._node = node or default_node()
         selected = filter_of(where)
         given = [EventType(kind) for kind in dict.fromkeys(selected.types)]
         #: By number and fingerprint.
-        self._types = {(each.kind.type_number, each.kind.schema_id): each for each in given}
+        self._types = {each.kind._rtpm_event_: each for each in given}
         self._devices: dict[int, str] = {}
         self._asked_types = self._asked_devices = -_ASK_INTERVAL
         self._core: _core.Subscription | None = _core.Subscription(
@@ -252,75 +414,71 @@ class Events(endings.Closing):
             [(each.schema, each.index) for each in given],
             queue,
             policy == "keep_latest",
+            every_nth,
+            interval,
+            interval_per_source,
+            [(kind._rtpm_event_[0], field, threshold) for kind, field, threshold in deadbands],
+            replay,
+            priority,
+            multicast,
         )
-        self._ended_lost_count = 0
+        self._ended_losses = Losses()
+        #: Of tasks that wait, all of one loop.
+        self._waiters: set[asyncio.Future[None]] = set()
+        self._eager_count = 0
         endings.before_exit(self)
 
     @property
     def core(self) -> _core.Subscription:
         """The extension's subscription."""
-        self._node.check()
-        if self._core is None:
+        core = self._open_core()
+        if core is None:
             raise errors.Error("this subscription is closed")
+        return core
+
+    def _open_core(self) -> _core.Subscription | None:
+        self._node.check()
         return self._core
 
     def __iter__(self) -> Iterator[Any]:
         return self
 
     def __next__(self) -> Any:
-        try:
-            return self.next()
-        except errors.Error:
-            if self._core is None:
-                raise StopIteration from None
-            raise
+        core = self._open_core()
+        if core is None:
+            raise StopIteration
+        return self._received(core.next(None))
 
     def next(self, timeout: float | None = None) -> Any:
         """The next event, or the tuple of a conjunction. Raises rtpm.Timeout if none arrives in time."""
-        received = tuple(Received(self, event) for event in self.core.next(timeout))
-        return received[0] if len(received) == 1 else received
+        return self._received(self.core.next(timeout))
 
-    def batches(self, count: int = 1024, timeout: float | None = None) -> Iterator[Any]:
-        """Yields waiting events, as soon as there are some, by up to `count` of one type at once.
+    def _received(self, delivery: Any) -> Any:
+        if type(delivery) is tuple:
+            return Received(self, delivery)
+        return tuple(Received(self, event) for event in delivery)
 
-        A batch is a ctypes array of (time_ns, source, sequence, payload), of which numpy.asarray()
-        makes a structured array. All must be events of structs; timeouts are left out. Raises
-        rtpm.Timeout if none arrives in time.
+    def __aiter__(self) -> AsyncIterator[Any]:
+        return self
+
+    async def __anext__(self) -> Any:
+        _, delivery = await self._await(lambda core: core.try_next(), None)
+        return self._received(delivery)
+
+    def batches(self, count: int = 1024, timeout: float | None = None) -> Batches:
+        """Waiting events, as soon as there are some, by up to `count` of one type at once.
+
+        All must be events of structs; timeouts are left out. Raises rtpm.Timeout if none arrives in
+        time.
         """
-        while True:
-            core = self._core
-            if core is None:
-                return
-            self._node.check()
-            try:
-                number, schema_id, size, is_part = core.peek(timeout)
-            except StopIteration:
-                return
-            if number > _TYPE_MAX:
-                core.next(0)
-                continue
-            known = self._type_of(number, schema_id)
-            if is_part or known is None or known.struct is None:
-                name = known.name if known else f"type {number}"
-                raise TypeError(
-                    f"{name}: batches takes single events of a struct; use next() for others"
-                )
-            if size != ctypes.sizeof(known.struct):
-                core.next(0)
-                raise errors.BadReply(
-                    f"{known.name}: an event has {size} bytes, its schema {ctypes.sizeof(known.struct)}"
-                )
-            record = known.record
-            data = core.take_records(
-                count, number, schema_id, size, record.payload.offset, ctypes.sizeof(record)
-            )
-            if data:
-                yield (record * (len(data) // ctypes.sizeof(record))).from_buffer(data)
+        _check_range("count", count, 1, 1 << 20)
+        return Batches(self, count, timeout)
 
     @property
-    def losses(self) -> int:
-        """How many events were lost so far: the hub, the way or this program's queue had no place for them."""
-        return self._ended_lost_count if self._core is None else self.core.lost_count
+    def losses(self) -> Losses:
+        """How many events were lost so far. While there are more, the log says so once a second."""
+        core = self._open_core()
+        return self._ended_losses if core is None else Losses(*core.losses)
 
     def fileno(self) -> int:
         """A file descriptor that is readable while next() would return at once, for event loops."""
@@ -331,9 +489,67 @@ class Events(endings.Closing):
         core, self._core = self._core, None
         if core is not None:
             core.close()
-            self._ended_lost_count = core.lost_count
+            self._ended_losses = Losses(*core.losses)
 
     stop = close
+
+    async def __aenter__(self) -> Events:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    async def _await(
+        self, take: Callable[[_core.Subscription], Any], end: float | None
+    ) -> tuple[_core.Subscription, Any]:
+        """The subscription, and what `take` returns of it as soon as that is not None."""
+        if self._eager_count >= _EAGER_COUNT_MAX:
+            await asyncio.sleep(0)
+            self._eager_count = 0
+        while True:
+            core = self._open_core()
+            if core is None:
+                raise StopAsyncIteration
+            try:
+                taken = take(core)
+            except StopIteration:
+                raise StopAsyncIteration from None
+            if taken is not None:
+                self._eager_count += 1
+                return core, taken
+            left = _left_until(end)
+            if left == 0:
+                raise errors.Timeout("no event arrived in time")
+            self._eager_count = 0
+            await self._readable(core, left)
+
+    async def _readable(self, core: _core.Subscription, timeout: float | None) -> None:
+        """Waits until try_next() has more to tell, at most so many seconds."""
+        loop = asyncio.get_running_loop()
+        if any(waiter.get_loop() is not loop for waiter in self._waiters):
+            raise RuntimeError("a task of another event loop waits for this subscription")
+        waiter: asyncio.Future[None] = loop.create_future()
+        # The task keeps the extension's subscription, so that the descriptor stays open.
+        descriptor = core.fileno()
+        if not self._waiters:
+            loop.add_reader(descriptor, self._wake)
+        self._waiters.add(waiter)
+        try:
+            await asyncio.wait((waiter,), timeout=timeout)
+        finally:
+            self._waiters.discard(waiter)
+            if not self._waiters:
+                loop.remove_reader(descriptor)
+
+    def _wake(self) -> None:
+        for waiter in self._waiters:
+            if not waiter.done():
+                waiter.set_result(None)
 
     def _type_of(self, number: int, schema_id: int) -> EventType | None:
         known = self._types.get((number, schema_id))
@@ -390,8 +606,15 @@ def events(
     *,
     hub: str = "rtpm/events",
     node: Node | None = None,
-    queue: int = 4096,
+    queue: int = 65536,
     policy: str = "drop_oldest",
+    every_nth: int = 1,
+    interval: float = 0,
+    interval_per_source: bool = False,
+    deadbands: Iterable[tuple[_EventClass, str, float]] = (),
+    replay: int = 0,
+    priority: int = 0,
+    multicast: bool = False,
 ) -> Events:
     """Subscribes to the events of a hub, for use in a `with` statement.
 
@@ -399,8 +622,35 @@ def events(
     a filter by rtpm.correlate() and rtpm.silence(), combined by `|`; all events if None. queue: how
     many events wait at most for this program. policy: what gives way when they are too many: the
     oldest, or with "keep_latest" all but the newest of each type and source.
+
+    Fewer events: every_nth delivers the first and then every n-th. interval: at most one delivery
+    in so many seconds, the last one at its end; interval_per_source: one of each type and source.
+    deadbands: (class, field, threshold) leaves out an event whose field differs by less than the
+    threshold from the last delivered one.
+
+    replay: how many of the latest events of each type and source come first, if the hub still has
+    them; 1 gives the latest value. priority: that of the hub's sends to this program. multicast: from
+    a hub on another host, takes its multicast if it has one.
     """
-    return Events(where, hub=hub, node=node, queue=queue, policy=policy)
+    return Events(
+        where,
+        hub=hub,
+        node=node,
+        queue=queue,
+        policy=policy,
+        every_nth=every_nth,
+        interval=interval,
+        interval_per_source=interval_per_source,
+        deadbands=deadbands,
+        replay=replay,
+        priority=priority,
+        multicast=multicast,
+    )
+
+
+def _check_range(name: str, value: int, low: int, high: int) -> None:
+    if not low <= value <= high:
+        raise ValueError(f"{name} takes {low} to {high}, not {value}")
 
 
 # ---- suppliers ----------------------------------------------------------------------------------
@@ -410,7 +660,13 @@ class Supplier(endings.Closing, Generic[_E]):
     """Pushes events of one type to a hub."""
 
     def __init__(
-        self, kind: type[_E], *, hub: str = "rtpm/events", source: int = 0, node: Node | None = None
+        self,
+        kind: type[_E],
+        *,
+        hub: str = "rtpm/events",
+        source: int = 0,
+        priority: int = 0,
+        node: Node | None = None,
     ) -> None:
         """A supplier for `hub`, a name or a URL, whose events come from `source`."""
         filter_of(kind)  # Raises if it is no event.
@@ -418,7 +674,7 @@ class Supplier(endings.Closing, Generic[_E]):
         self._type = EventType(kind)
         self._source = source
         self._core: _core.Supplier | None = _core.Supplier(
-            self._node.core, (self._type.schema, self._type.index), hub
+            self._node.core, (self._type.schema, self._type.index), hub, priority
         )
 
     @property
@@ -461,7 +717,15 @@ class Supplier(endings.Closing, Generic[_E]):
 
 
 def supplier(
-    kind: type[_E], *, hub: str = "rtpm/events", source: int = 0, node: Node | None = None
+    kind: type[_E],
+    *,
+    hub: str = "rtpm/events",
+    source: int = 0,
+    priority: int = 0,
+    node: Node | None = None,
 ) -> Supplier[_E]:
-    """A supplier of events of class `kind` to a hub, for use in a `with` statement."""
-    return Supplier(kind, hub=hub, source=source, node=node)
+    """A supplier of events of class `kind` to a hub, for use in a `with` statement.
+
+    source: what its events come from. priority: that of its events at the hub.
+    """
+    return Supplier(kind, hub=hub, source=source, priority=priority, node=node)

@@ -217,10 +217,8 @@ class Event(Table):
     """A table that is an event."""
 
     __slots__ = ()
-    #: The event's number in its schema.
-    type_number: ClassVar[int] = 0
-    #: The fingerprint of its schema.
-    schema_id: ClassVar[int] = 0
+    #: The event's number in its schema, and the schema's fingerprint.
+    _rtpm_event_: ClassVar[tuple[int, int]] = (0, 0)
 
 
 _Value = TypeVar("_Value", Struct, Table)
@@ -486,8 +484,7 @@ class Classes:
         }
         if item["event"] is None:
             return type(item["class"], (Table,), body)
-        body["type_number"] = item["event"]
-        body["schema_id"] = item["fingerprint"]
+        body["_rtpm_event_"] = (item["event"], item["fingerprint"])
         return type(item["class"], (Event,), body)
 
     def _default(self, field: dict[str, Any]) -> Callable[[], Any] | None:

@@ -4,6 +4,7 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <unistd.h>
@@ -13,9 +14,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
+#include "binding.hpp"
 #include "errors.hpp"
 #include "event_types.hpp"
 #include "rtpm/events/hub_types.hpp"
@@ -39,13 +42,29 @@ std::unique_ptr<EventTypeOf> type_of(const EventOf& event) {
   return event_type_of(nb::cast<Schema&>(event.first).codec().model(), event.second);
 }
 
+/// Type, field and threshold of a deadband.
+using DeadbandOf = std::tuple<events::EventType, std::string, double>;
+
 SharedSubscription subscribe(const SharedNode& node, std::string hub, std::string filter,
                              const std::vector<EventOf>& types, std::uint32_t queue,
-                             bool keeps_latest) {
+                             bool keeps_latest, std::uint32_t every_nth, double interval,
+                             bool is_interval_per_source, std::vector<DeadbandOf> deadbands,
+                             std::uint32_t replay, int priority, bool multicast) {
   const auto settings = std::make_shared<SubscriptionSettings>();
-  *settings = {std::move(hub), std::move(filter), queue, keeps_latest, {}};
+  settings->hub = std::move(hub);
+  settings->filter = std::move(filter);
+  settings->queue_capacity = queue;
+  settings->keeps_latest = keeps_latest;
+  settings->delivery.every_nth = every_nth;
+  settings->delivery.interval = *span_of(interval);
+  settings->delivery.is_interval_per_source = is_interval_per_source;
+  settings->delivery.replay = replay;
+  settings->priority = priority_of(priority);
+  settings->multicast = multicast;
   for (const EventOf& event : types)
     settings->types.push_back(type_of(event));
+  for (auto& [type, field, threshold] : deadbands)
+    settings->delivery.deadbands.push_back({type, std::move(field), threshold});
   const auto filter_error = std::make_shared<std::string>();
   using Opened = expected<SharedSubscription, SetupError>;
   auto opened = value_of(interruptible<Opened>([node, settings, filter_error] {
@@ -62,18 +81,26 @@ void log(const std::vector<std::string>& notices) {
     logger.attr("warning")("%s", notice);
 }
 
+/// Whether peek() has an event. Writes the notices to the log.
+/// @errors raises StopIteration after close(), or Error if the subscription has ended
+bool has_event(Subscription& self) {
+  if (!self.needs_attention()) return self.peek().has_value();
+  log(self.take_notices());
+  if (self.is_closed()) raise_stop_iteration();
+  if (self.peek()) return true;
+  if (const std::string reason = self.end_reason(); !reason.empty()) {
+    raise(SetupError{.what = reason, .remedy = "subscribe again"});
+  }
+  return false;
+}
+
 /// Waits until peek() has an event.
-/// @errors raises StopIteration after close(), Timeout, or Error if the subscription has ended
+/// @errors those of has_event(), and Timeout
 void await_event(Subscription& self, std::optional<double> timeout) {
+  if (has_event(self)) return;
   const auto span = span_of(timeout);
   const MonotonicTime end = span ? deadline_after(*span, rt::now()) : kNever;
-  while (true) {
-    log(self.take_notices());
-    if (self.is_closed()) raise_stop_iteration();
-    if (self.peek()) return;
-    if (const std::string reason = self.end_reason(); !reason.empty()) {
-      raise(SetupError{.what = reason, .remedy = "subscribe again"});
-    }
+  while (!has_event(self)) {
     if (rt::now() >= end) raise(rpc::CallError::kTimeout, "next", self.hub());
     wait_in_slices([&] {
       return self.wait(std::min<Duration>(kSlice, std::max(end - rt::now(), Duration{0}))) ||
@@ -85,29 +112,56 @@ void await_event(Subscription& self, std::optional<double> timeout) {
 nb::tuple to_python(const Subscription& self, const WaitingEvent& event) {
   const events::EventHeader& header = event.header;
   return nb::make_tuple(header.type, header.schema_id, self.host_time_ns(event), header.source,
-                        header.sequence, nb::bytes(event.payload.data(), event.payload.size()));
+                        header.sequence, header.priority.value(), header.is_replayed,
+                        nb::bytes(event.payload.data(), event.payload.size()));
 }
 
-/// The events of the next delivery.
-nb::list next(Subscription& self, std::optional<double> timeout) {
+/// The next delivery: an event, or the list of the events of a conjunction; None if there is none.
+/// @errors those of has_event()
+nb::object try_next(Subscription& self) {
+  if (self.needs_attention()) static_cast<void>(has_event(self));
+  const std::vector<WaitingEvent> events = self.take();
+  if (events.empty()) return nb::none();
+  if (events.size() == 1) return to_python(self, events.front());
   nb::list delivery;
-  while (nb::len(delivery) == 0) {
-    await_event(self, timeout);
-    for (const WaitingEvent& event : self.take())
-      delivery.append(to_python(self, event));
-  }
+  for (const WaitingEvent& event : events)
+    delivery.append(to_python(self, event));
   return delivery;
 }
 
-/// Type, schema and payload size of the next event, and whether more of its delivery follow.
-nb::tuple peek(Subscription& self, std::optional<double> timeout) {
+nb::object next(Subscription& self, std::optional<double> timeout) {
   while (true) {
+    if (nb::object delivery = try_next(self); !delivery.is_none()) return delivery;
     await_event(self, timeout);
-    if (const auto event = self.peek()) {
-      const auto& [header, size] = *event;
-      return nb::make_tuple(header.type, header.schema_id, size, header.is_continued);
-    }
   }
+}
+
+/// Type, schema and payload size of the next event, and whether more of its delivery follow; None
+/// if there is none.
+/// @errors those of has_event()
+nb::object try_peek(Subscription& self) {
+  if (!has_event(self)) return nb::none();
+  const auto event = self.peek();
+  if (!event) return nb::none();
+  const auto& [header, size] = *event;
+  return nb::make_tuple(header.type, header.schema_id, size, header.is_continued);
+}
+
+nb::object peek(Subscription& self, std::optional<double> timeout) {
+  while (true) {
+    if (nb::object next = try_peek(self); !next.is_none()) return next;
+    await_event(self, timeout);
+  }
+}
+
+/// How many events were lost, in the order of rtpm/events.py's Losses.
+nb::tuple losses(const Subscription& self) {
+  const MissedEvents missed = self.missed();
+  const events::Losses& way = missed.on_the_way;
+  return nb::make_tuple(missed.queue_count, missed.memory_count,
+                        missed.replaced_count + way.replaced_count, way.overflow_count,
+                        way.overrun_count, way.unrepaired_count, way.memory_count,
+                        way.too_large_count);
 }
 
 /// The next events like the one that peek() described, packed as rtpm/events.py lays them out:
@@ -184,16 +238,17 @@ nb::object payload_struct(const Schema& schema, std::size_t object) {
 /// @threads   with the GIL
 class Supplier {
  public:
-  Supplier(const SharedNode& node, EventOf event, std::string hub)
+  Supplier(const SharedNode& node, EventOf event, std::string hub, int priority)
       : hub_(std::move(hub)),
         type_(type_of(event)),
         schema_(std::move(event.first)),
         payload_(schema::payload_of(codec().model(), event.second)) {
     using Created = expected<std::shared_ptr<OpenSupplier>, SetupError>;
-    open_ = value_of(interruptible<Created>([node, type = type_, hub = hub_]() -> Created {
+    events::SupplierConfig config{.name = "python", .types = {&type_->descriptor}};
+    config.priority = priority_of(priority);
+    open_ = value_of(interruptible<Created>([node, type = type_, hub = hub_, config]() -> Created {
       auto open = std::make_shared<OpenSupplier>(node, type);
-      auto created = events::Supplier::create(node->node, hub,
-                                              {.name = "python", .types = {&type->descriptor}});
+      auto created = events::Supplier::create(node->node, hub, config);
       if (!created) return unexpected{std::move(created.error())};
       open->supplier = std::move(*created);
       return open;
@@ -264,20 +319,27 @@ void define_events(nb::module_& module) {
   module.def("payload_struct", &payload_struct, "schema"_a, "object"_a);
   nb::class_<Subscription>(module, "Subscription")
       .def(nb::new_(&subscribe), "node"_a, "hub"_a, "filter"_a, "types"_a, "queue"_a,
-           "keeps_latest"_a)
+           "keeps_latest"_a, "every_nth"_a, "interval"_a, "is_interval_per_source"_a, "deadbands"_a,
+           "replay"_a, "priority"_a, "multicast"_a)
       .def("next", &next, "timeout"_a.none())
+      .def("try_next", &try_next)
       .def("peek", &peek, "timeout"_a.none())
+      .def("try_peek", &try_peek)
       .def("take_records", &take_records, "count"_a, "type"_a, "schema_id"_a, "payload_size"_a,
            "offset"_a, "record_size"_a)
       .def("types", &types)
-      .def_prop_ro("lost_count", &Subscription::lost_count)
+      .def_prop_ro("losses", &losses)
       .def("fileno", &file_descriptor)
       .def("close", [](Subscription& self) {
-        const Released released;
-        self.close();
+        {
+          const Released released;
+          self.close();
+        }
+        log(self.take_notices(/*is_last=*/true));
       });
   nb::class_<Supplier>(module, "Supplier")
-      .def(nb::init<const SharedNode&, EventOf, std::string>(), "node"_a, "event"_a, "hub"_a)
+      .def(nb::init<const SharedNode&, EventOf, std::string, int>(), "node"_a, "event"_a, "hub"_a,
+           "priority"_a)
       .def("push", &Supplier::push, "value"_a, "source"_a, "time_ns"_a.none())
       .def("push_many", &Supplier::push_many, "values"_a, "source"_a)
       .def("push_packed", &Supplier::push_packed, "packed"_a, "size"_a, "source"_a);

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 
 #include "rtpm/base/printable.hpp"
 #include "rtpm/capture/hub_recorder.hpp"
@@ -17,10 +18,14 @@ namespace {
 /// The most bytes of payloads that wait for Python.
 constexpr std::size_t kByteMax = std::size_t{64} << 20;
 constexpr std::size_t kNoticeCountMax = 16;
+constexpr Duration kLossReportInterval = std::chrono::seconds{1};
 
 events::ConsumerConfig config_of(const SubscriptionSettings& settings) {
   events::ConsumerConfig config{.name = "python"};
   config.realtime = rt::RealtimeMode::kOff;
+  config.priority = settings.priority;
+  config.multicast = settings.multicast;
+  config.delivery = settings.delivery;
   config.delivery.when_full =
       settings.keeps_latest ? events::QueuePolicy::kKeepLatest : events::QueuePolicy::kDropOldest;
   config.delivery.queue_capacity =
@@ -29,6 +34,34 @@ events::ConsumerConfig config_of(const SubscriptionSettings& settings) {
   for (const auto& type : settings.types)
     config.types.push_back(&type->descriptor);
   return config;
+}
+
+std::string text_of(const std::string& hub, std::uint64_t count, const MissedEvents& all) {
+  struct Cause {
+    std::uint64_t count;
+    std::string_view text;
+  };
+  const events::Losses& way = all.on_the_way;
+  const std::array causes{
+      Cause{all.queue_count, "this program's queue was full"},
+      Cause{all.memory_count, "this program's queue held 64 MiB"},
+      Cause{all.replaced_count + way.replaced_count, "newer ones replaced them"},
+      Cause{way.overflow_count, "more waited on the way than its queue takes"},
+      Cause{way.overrun_count, "the hub's ring was overwritten"},
+      Cause{way.unrepaired_count, "the network lost them"},
+      Cause{way.memory_count, "the hub's memory was full"},
+      Cause{way.too_large_count, "they were too large for the transport"},
+      Cause{way.suspended_count, "the subscription was suspended"},
+  };
+  std::string text = hub + ": " + std::to_string(count) + " events were lost; in all ";
+  std::string_view separator;
+  for (const Cause& cause : causes) {
+    if (cause.count == 0) continue;
+    text.append(separator).append(std::to_string(cause.count)).append(" because ");
+    text.append(cause.text);
+    separator = ", ";
+  }
+  return text;
 }
 
 }  // namespace
@@ -103,10 +136,19 @@ std::optional<std::pair<events::EventHeader, std::size_t>> Subscription::peek() 
   return std::pair{waiting_.front().header, waiting_.front().payload.size()};
 }
 
-std::vector<std::string> Subscription::take_notices() {
+std::vector<std::string> Subscription::take_notices(bool is_last) {
   const std::lock_guard lock(mutex_);
   std::vector<std::string> notices(notices_.begin(), notices_.end());
   notices_.clear();
+  const std::uint64_t unreported = missed_.total() - reported_loss_count_;
+  const MonotonicTime now = rt::now();
+  const bool is_due = is_last || now - last_loss_report_ >= kLossReportInterval;
+  if (unreported > 0 && is_due) {
+    notices.push_back(printable(text_of(settings_.hub, unreported, missed_)));
+    reported_loss_count_ += unreported;
+    last_loss_report_ = now;
+  }
+  needs_attention_ = is_closed_ || !end_reason_.empty() || (unreported > 0 && !is_due);
   if (!has_news()) clear_signal();
   return notices;
 }
@@ -132,14 +174,16 @@ std::int64_t Subscription::host_time_ns(const WaitingEvent& event) const {
   return to_ns(origin);
 }
 
-std::uint64_t Subscription::lost_count() const {
-  std::uint64_t count = 0;
+MissedEvents Subscription::missed() const {
+  std::optional<events::Losses> on_the_way;
   {
     const std::lock_guard lock(consumer_mutex_);
-    if (consumer_ != nullptr) count = consumer_->counters().losses.total();
+    if (consumer_ != nullptr) on_the_way = consumer_->counters().losses;
   }
   const std::lock_guard lock(mutex_);
-  return lost_count_ + count;
+  MissedEvents missed = missed_;
+  if (on_the_way) missed.on_the_way = *on_the_way;
+  return missed;
 }
 
 int Subscription::file_descriptor() {
@@ -160,6 +204,7 @@ void Subscription::close() {
   {
     const std::lock_guard lock(mutex_);
     is_closed_ = true;
+    needs_attention_ = true;
     signal();
   }
   std::unique_ptr<events::Consumer> consumer;
@@ -170,7 +215,7 @@ void Subscription::close() {
   if (consumer == nullptr) return;
   consumer->unsubscribe();
   const std::lock_guard lock(mutex_);
-  lost_count_ += consumer->counters().losses.total();
+  missed_.on_the_way = consumer->counters().losses;
 }
 
 void Subscription::on_events(std::span<const events::EventView> events) {
@@ -179,15 +224,17 @@ void Subscription::on_events(std::span<const events::EventView> events) {
   for (const events::EventView& event : events)
     size += event.payload.size();
   const std::lock_guard lock(mutex_);
-  const bool fits = events.size() <= settings_.queue_capacity && size <= kByteMax;
-  if (!fits) {
-    ++lost_count_;
-    return;
-  }
+  const std::uint64_t missed_before = missed_.total();
   if (settings_.keeps_latest && events.size() == 1) drop_like(events.front().header);
-  while (waiting_.size() + events.size() > settings_.queue_capacity ||
-         byte_count_ + size > kByteMax)
-    drop_oldest();
+  while (!waiting_.empty() && waiting_.size() + events.size() > settings_.queue_capacity)
+    drop_oldest(missed_.queue_count);
+  while (!waiting_.empty() && byte_count_ + size > kByteMax)
+    drop_oldest(missed_.memory_count);
+  const bool is_too_many = events.size() > settings_.queue_capacity;
+  if (is_too_many) missed_.queue_count += events.size();
+  if (!is_too_many && size > kByteMax) missed_.memory_count += events.size();
+  if (missed_.total() != missed_before) needs_attention_ = true;
+  if (is_too_many || size > kByteMax) return;
   const bool had_news = has_news();
   for (const events::EventView& event : events) {
     WaitingEvent& added = waiting_.emplace_back(WaitingEvent{
@@ -199,8 +246,11 @@ void Subscription::on_events(std::span<const events::EventView> events) {
 }
 
 void Subscription::on_notice(const events::Notice& notice) {
-  std::string text = printable(capture::text_of(notice, settings_.hub));
+  const bool is_loss = notice.kind == events::NoticeKind::kLosses;
+  std::string text = is_loss ? "" : printable(capture::text_of(notice, settings_.hub));
   const std::lock_guard lock(mutex_);
+  needs_attention_ = true;
+  missed_.on_the_way = notice.losses;
   if (notice.kind == events::NoticeKind::kEnded) {
     end_reason_ = text;
   } else if (!text.empty() && notices_.size() < kNoticeCountMax) {
@@ -209,9 +259,9 @@ void Subscription::on_notice(const events::Notice& notice) {
   if (has_news()) signal();
 }
 
-void Subscription::drop_oldest() {
+void Subscription::drop_oldest(std::uint64_t& count) {
   while (!waiting_.empty()) {
-    ++lost_count_;
+    ++count;
     if (!remove_front().header.is_continued) break;
   }
 }
@@ -227,7 +277,7 @@ void Subscription::drop_like(const events::EventHeader& header) {
   if (found == waiting_.end()) return;
   byte_count_ -= found->payload.size();
   waiting_.erase(found);
-  ++lost_count_;
+  ++missed_.replaced_count;
 }
 
 WaitingEvent Subscription::remove_front() {

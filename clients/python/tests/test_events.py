@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import ctypes
 import logging
 import os
@@ -11,7 +12,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
 
 import numpy as np
@@ -58,7 +60,8 @@ def test_events_arrive_typed_and_in_order(hub: str, node: rtpm.Node) -> None:
         assert [event.sequence for event in received] == [1, 1, 2, 3]
         assert all(before <= event.time_ns <= time.monotonic_ns() for event in received)
         assert received[0].type is Touched and received[0].name == "lab.Touched"
-        assert received[0].device is None and events.losses == 0
+        assert received[0].device is None and events.losses == rtpm.Losses()
+        assert (received[0].priority, received[0].is_replayed) == (0, False)
         with pytest.raises(TimeoutError):
             events.next(0.01)
 
@@ -138,7 +141,7 @@ def test_batches_are_structured_arrays(hub: str, node: rtpm.Node) -> None:
         assert every["payload"]["z"].tolist() == list(range(500))
         assert set(every["source"]) == {3} and every["sequence"].tolist() == list(range(1, 501))
         assert (np.diff(every["time_ns"]) >= 0).all()
-        assert ctypes.sizeof(batch) == every.dtype.itemsize * len(batch)
+        assert ctypes.sizeof(batch.records) == every.dtype.itemsize * len(batch)
 
 
 def test_batches_need_structs(hub: str, node: rtpm.Node) -> None:
@@ -164,10 +167,199 @@ def test_a_slow_program_loses_old_events_and_counts_them(
             touched.push(touch(z))
             fast.next(5)
         end = time.monotonic() + 5
-        while events.losses < 10 - len(last):
+        while events.losses.total < 10 - len(last):
             assert time.monotonic() < end
             time.sleep(0.001)
         assert [events.next(5).value.z for _ in last] == last
+        cause = {"drop_oldest": "queue", "keep_latest": "replaced"}[policy]
+        assert events.losses == rtpm.Losses(**{cause: 10 - len(last)})
+    assert events.losses
+
+
+def test_losses_are_logged_once_a_burst_and_at_the_end(
+    hub: str, node: rtpm.Node, caplog: pytest.LogCaptureFixture
+) -> None:
+    with (
+        caplog.at_level(logging.WARNING, "rtpm"),
+        rtpm.events(Touched, hub=hub, node=node, queue=1) as events,
+        rtpm.events(Touched, hub=hub, node=node) as fast,
+        rtpm.supplier(Touched, hub=hub, node=node) as touched,
+    ):
+        for first in (0, 4):
+            for z in range(first, first + 4):
+                touched.push(touch(z))
+                fast.next(5)
+            while events.losses.total < (3 if first == 0 else 6):
+                time.sleep(0.001)
+            assert events.next(5).value.z == first + 3
+    texts = [record.getMessage() for record in caplog.records]
+    queue = "because this program's queue was full"
+    assert texts == [
+        f"{hub}: 3 events were lost; in all 3 {queue}",
+        f"{hub}: 3 events were lost; in all 6 {queue}",
+    ]
+
+
+def test_a_burst_of_many_events_arrives_whole(hub: str, node: rtpm.Node) -> None:
+    with (
+        rtpm.events(Touched, hub=hub, node=node) as events,
+        rtpm.supplier(Touched, hub=hub, node=node) as touched,
+    ):
+        for _ in range(5):
+            touched.push_many(np.zeros((2000, 3)))
+        assert sum(len(next(events.batches(1, timeout=5))) for _ in range(10_000)) == 10_000
+
+
+def test_a_struct_with_padding_is_an_array_without_a_warning(hub: str, node: rtpm.Node) -> None:
+    text = """
+    attribute "rtpm_event"; namespace lab;
+    struct Step { at:double; number:int; }
+    table Stepped (rtpm_event: 7003) { step:Step (required); }
+    """
+    names: Any = schemas.Schema(text).names()
+    with (
+        rtpm.events(names["Stepped"], hub=hub, node=node) as events,
+        rtpm.supplier(names["Stepped"], hub=hub, node=node) as stepped,
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("error")
+        stepped.push_many([names["Step"](number, number) for number in range(3)])
+        arrays = []
+        while sum(map(len, arrays)) < 3:
+            batch = next(events.batches(timeout=5))
+            array = np.asarray(batch)
+            assert array[0]["payload"]["number"] == batch[0].payload.number
+            arrays.append(array)
+        every = np.concatenate(arrays)
+        assert every["payload"]["at"].tolist() == every["payload"]["number"].tolist() == [0, 1, 2]
+
+
+def test_deliveries_are_thinned_out(hub: str, node: rtpm.Node) -> None:
+    with (
+        rtpm.events(Touched, hub=hub, node=node, every_nth=3) as third,
+        rtpm.events(Touched, hub=hub, node=node, deadbands=[(Touched, "z", 3)]) as coarse,
+        rtpm.events(Touched, hub=hub, node=node, interval=0.2) as seldom,
+        rtpm.supplier(Touched, hub=hub, node=node, priority=100) as touched,
+    ):
+        touched.push_many([touch(z) for z in range(7)])
+        assert [third.next(5).value.z for _ in range(3)] == [0, 3, 6]
+        assert [coarse.next(5).value.z for _ in range(3)] == [0, 3, 6]
+        first, last = seldom.next(5), seldom.next(5)
+        assert (first.value.z, last.value.z, last.priority) == (0, 6, 100)
+        assert not third.losses and not coarse.losses and not seldom.losses
+
+
+def test_the_latest_value_is_replayed(hub: str, node: rtpm.Node) -> None:
+    with rtpm.supplier(Touched, hub=hub, node=node) as touched:
+        # The hub keeps what arrives while somebody subscribes with replay, or has.
+        with rtpm.events(Touched, hub=hub, node=node, replay=1) as events:
+            touched.push(touch(1))
+            touched.push(touch(2), source=4)
+            assert {events.next(5).value.z for _ in range(2)} == {1, 2}
+        with rtpm.events(Touched, hub=hub, node=node, replay=1) as events:
+            late = [events.next(5) for _ in range(2)]
+            assert {(event.source, event.value.z, event.is_replayed) for event in late} == {
+                (0, 1, True),
+                (4, 2, True),
+            }
+
+
+def run(test: Callable[[], Coroutine[Any, Any, None]]) -> None:
+    asyncio.run(asyncio.wait_for(test(), 20))
+
+
+def test_a_loop_takes_events_beside_its_other_tasks(hub: str, node: rtpm.Node) -> None:
+    async def test() -> None:
+        turns = 0
+
+        async def work() -> None:
+            nonlocal turns
+            while True:
+                turns += 1
+                await asyncio.sleep(0)
+
+        other = asyncio.create_task(work())
+        async with rtpm.events(Touched, hub=hub, node=node) as events:
+            with rtpm.supplier(Touched, hub=hub, node=node) as touched:
+                touched.push_many([touch(z) for z in range(1000)])
+                received = []
+                turns_before = turns
+                async for event in events:
+                    received.append(event.value.z)
+                    if len(received) == 1000:
+                        break
+                assert received == list(range(1000)) and turns - turns_before >= 10
+                before = turns
+                asyncio.get_running_loop().call_later(0.05, touched.push, touch(7))
+                async for event in events:
+                    assert event.value.z == 7
+                    break
+                assert turns > before
+        other.cancel()
+
+    run(test)
+
+
+def test_a_loop_takes_batches(hub: str, node: rtpm.Node) -> None:
+    async def test() -> None:
+        with (
+            rtpm.events([Touched, rtpm.silence(0.01)], hub=hub, node=node) as events,
+            rtpm.supplier(Touched, hub=hub, node=node) as touched,
+        ):
+            touched.push_many(np.ones((500, 3)))
+            count = 0
+            async for batch in events.batches(128, timeout=5):
+                assert len(batch) <= 128 and (np.asarray(batch)["payload"]["z"] == 1).all()
+                count += len(batch)
+                if count == 500:
+                    break
+            with pytest.raises(rtpm.Timeout):
+                async for batch in events.batches(128, timeout=0.1):
+                    raise AssertionError(batch)
+
+    run(test)
+
+
+def test_a_cancelled_task_leaves_the_subscription_usable(hub: str, node: rtpm.Node) -> None:
+    async def test() -> None:
+        with (
+            rtpm.events(Touched, hub=hub, node=node) as events,
+            rtpm.supplier(Touched, hub=hub, node=node) as touched,
+        ):
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(anext(events), 0.05)
+            waiting = [asyncio.create_task(anext(events)) for _ in range(3)]
+            await asyncio.sleep(0.01)
+            waiting[0].cancel()
+            await asyncio.sleep(0)
+            touched.push_many([touch(1), touch(2), touch(3)])
+            got = await asyncio.gather(*waiting, return_exceptions=True)
+            assert isinstance(got[0], asyncio.CancelledError)
+            assert sorted(event.value.z for event in got[1:]) == [1, 2]
+            assert (await anext(events)).value.z == 3
+
+    run(test)
+
+
+@pytest.mark.parametrize("is_closed_by_thread", [False, True])
+def test_closing_ends_an_asynchronous_iteration(
+    hub: str, node: rtpm.Node, is_closed_by_thread: bool
+) -> None:
+    async def test() -> None:
+        events = rtpm.events(Touched, hub=hub, node=node)
+
+        async def read(iterator: Any) -> list[Any]:
+            return [each async for each in iterator]
+
+        readers = [asyncio.create_task(read(each)) for each in (events, events.batches(8))]
+        await asyncio.sleep(0.01)
+        if is_closed_by_thread:
+            await asyncio.to_thread(events.close)
+        else:
+            events.close()
+        assert await asyncio.gather(*readers) == [[], []]
+
+    run(test)
 
 
 def test_a_descriptor_is_readable_while_events_wait(hub: str, node: rtpm.Node) -> None:
