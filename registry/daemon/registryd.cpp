@@ -11,7 +11,6 @@
 
 #include "rtpm/discovery/announcement.hpp"
 #include "rtpm/discovery/scope.hpp"
-#include "rtpm/etcd_store/etcd_storage.hpp"
 #include "rtpm/file_store/file_storage.hpp"
 #include "rtpm/file_store/json.hpp"
 #include "rtpm/introspection/catalog.hpp"
@@ -24,6 +23,9 @@
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/wire/url.hpp"
+#ifdef RTPM_HAS_ETCD
+#include "rtpm/etcd_store/etcd_storage.hpp"
+#endif
 
 namespace {
 
@@ -51,8 +53,14 @@ void report(std::string_view sentence) {
 rtpm::expected<std::unique_ptr<rtpm::names::Storage>, rtpm::SetupError> storage_of(
     const Configuration& configuration) {
   if (configuration.store == kMemory) return nullptr;
-  if (rtpm::etcd_store::is_etcd_url(configuration.store)) {
+  if (configuration.store.starts_with("etcd://")) {
+#ifdef RTPM_HAS_ETCD
     return rtpm::etcd_store::make_etcd_storage(configuration.store);
+#else
+    return rtpm::setup_error("--store " + configuration.store,
+                             "this rtpm-registryd is built without etcd",
+                             "install the Debian package, or build with -DRTPM_ETCD=ON");
+#endif
   }
   return rtpm::file_store::make_file_storage(configuration.store);
 }

@@ -5,7 +5,6 @@
 
 #include "rtpm/base/printable.hpp"
 #include "rtpm/base/whole_number.hpp"
-#include "rtpm/etcd_store/etcd_storage.hpp"
 
 namespace rtpm::etcd_store {
 namespace {
@@ -43,10 +42,6 @@ bool is_prefix(std::string_view text) {
 
 }  // namespace
 
-bool is_etcd_url(std::string_view place) noexcept {
-  return place.starts_with(kScheme);
-}
-
 std::string Address::text() const {
   std::string text(kScheme);
   for (const std::string& endpoint : endpoints)
@@ -59,7 +54,7 @@ expected<Address, SetupError> parse_address(std::string_view url) {
     return setup_error("'" + printable(url) + "' is no address of etcd", why,
                        "give etcd://host:2379,host:2379,host:2379, of one cluster");
   };
-  if (!is_etcd_url(url)) return malformed("it does not begin with etcd://");
+  if (!url.starts_with(kScheme)) return malformed("it does not begin with etcd://");
   std::string_view rest = url.substr(kScheme.size());
   Address address{{}, std::string(kDefaultPrefix)};
   if (const std::size_t slash = rest.find('/'); slash != std::string_view::npos) {

@@ -8,9 +8,6 @@
 
 namespace rtpm::etcd_store {
 
-/// Whether `place` begins with "etcd://".
-[[nodiscard]] bool is_etcd_url(std::string_view place) noexcept;
-
 /// Names shared by any number of registries, in etcd 3.4 or later: one key per name, with etcd's
 /// revisions and leases, and one watch. A change is conditional on the state that it replaces. It
 /// is sent to one endpoint after another until one answers or its deadline passes. Does not use the
