@@ -101,13 +101,16 @@ scope: contextvars.ContextVar[_core.CallScope | None] = contextvars.ContextVar(
 
 
 @contextlib.contextmanager
-def calling(*, priority: int | None = None, deadline: float | None = None) -> Iterator[None]:
-    """Gives all calls of its `with` block a priority, or a time by which they end together.
+def calling(
+    *, priority: int | None = None, deadline: float | None = None, trace_id: int | None = None
+) -> Iterator[None]:
+    """Gives all calls of its `with` block a priority, a time by which they end together, a trace.
 
     deadline: seconds from now, in place of the methods' own deadlines, and within that of an outer
-    block or of the call that a servant answers. A call's own arguments go before both.
+    block or of the call that a servant answers. A call's own arguments go before both. trace_id: a
+    number that servants see, and pass on in their own calls.
     """
-    token = scope.set(_core.CallScope(priority, deadline, scope.get()))
+    token = scope.set(_core.CallScope(priority, deadline, trace_id, scope.get()))
     try:
         yield
     finally:

@@ -58,6 +58,7 @@ class AsyncCalls {
 
 /// What calls inherit within a scope that has a priority or a deadline, inside `outer`.
 std::unique_ptr<CallScope> make_scope(std::optional<int> priority, std::optional<double> seconds,
+                                      std::optional<std::uint64_t> trace_id,
                                       const CallScope* outer) {
   auto scope = std::make_unique<CallScope>(outer == nullptr ? CallScope{} : *outer);
   if (priority) scope->priority = priority_of(*priority);
@@ -65,6 +66,7 @@ std::unique_ptr<CallScope> make_scope(std::optional<int> priority, std::optional
     scope->deadline = std::min(scope->deadline, deadline_after(*span, rt::now()));
     scope->replaces_deadlines = true;
   }
+  if (trace_id) scope->trace_id = *trace_id;
   return scope;
 }
 
@@ -72,15 +74,8 @@ std::unique_ptr<CallScope> make_scope(std::optional<int> priority, std::optional
 
 void define_calls(nb::module_& module) {
   nb::class_<CallScope>(module, "CallScope")
-      .def(nb::new_(&make_scope), "priority"_a.none(), "seconds"_a.none(), "outer"_a.none())
-      .def_prop_ro("priority",
-                   [](const CallScope& self) -> std::optional<int> {
-                     if (!self.priority) return std::nullopt;
-                     return self.priority->value();
-                   })
-      .def_prop_ro("seconds_left",
-                   [](const CallScope& self) { return seconds_until(self.deadline); })
-      .def_ro("trace_id", &CallScope::trace_id);
+      .def(nb::new_(&make_scope), "priority"_a.none(), "seconds"_a.none(), "trace_id"_a.none(),
+           "outer"_a.none());
   nb::class_<Binding>(module, "Binding")
       .def(nb::init<SharedNode, nb::object, std::size_t, std::string, std::optional<double>>(),
            "node"_a, "schema"_a, "service"_a, "target"_a, "deadline"_a.none())
