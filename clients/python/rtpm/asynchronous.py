@@ -52,13 +52,15 @@ class AsyncClient(_Bound):
 class AsyncStream(Generic[_Item]):
     """The items that answer a call, for `async for`. The server waits for a slow reader."""
 
-    def __init__(self, core: _core.Stream) -> None:
+    def __init__(self, core: _core.Stream, node: Node) -> None:
         self._core = core
+        self._node = node
 
     def __aiter__(self) -> AsyncStream[_Item]:
         return self
 
     async def __anext__(self) -> _Item:
+        self._node.check()
         loop = asyncio.get_running_loop()
         while True:
             state = self._core.try_next()
@@ -71,7 +73,8 @@ class AsyncStream(Generic[_Item]):
 
     async def close(self) -> None:
         """Cancels the stream."""
-        self._core.cancel()
+        if not self._node.is_forked:
+            self._core.cancel()
 
     async def __aenter__(self) -> AsyncStream[_Item]:
         return self
@@ -163,11 +166,10 @@ def _method(index: int, method: dict[str, Any]) -> Any:
             self: Any, *request: Any, priority: int | None = None, deadline: float | None = None
         ) -> Any:
             argument = _argument(method, request)
-            return AsyncStream(
-                self._rtpm_binding_.open_stream(
-                    index, argument, priority, deadline, scope.get(), 16
-                )
+            core = self._rtpm_binding_.open_stream(
+                index, argument, priority, deadline, scope.get(), 16
             )
+            return AsyncStream(core, self._rtpm_node_)
 
         return stream
     if method["is_oneway"]:

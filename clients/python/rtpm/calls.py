@@ -55,9 +55,14 @@ class Node:
             known_servers_file or os.environ.get("RTPM_KNOWN_SERVERS", ""),
         )
 
+    @property
+    def is_forked(self) -> bool:
+        """Whether this process was forked after the node was made: then it is the parent's."""
+        return self._forks != _forks
+
     def check(self) -> None:
         """Raises ForkedError in a process that was forked after the node was made."""
-        if self._forks != _forks:
+        if self.is_forked:
             raise errors.ForkedError(
                 "this node belongs to the process that this one was forked from; make an rtpm.Node here, or start "
                 "processes by multiprocessing's method 'spawn'"
@@ -83,7 +88,7 @@ _default: Node | None = None
 def default_node() -> Node:
     """The node of functions that were given none, made when it is first needed."""
     global _default
-    if _default is None or _default._forks != _forks:
+    if _default is None or _default.is_forked:
         _default = Node()
     return _default
 
@@ -179,22 +184,25 @@ def transport_of(client: _Bound) -> str:
 class Stream(Closing, Generic[_Item]):
     """The items that answer a call, as an iterator. The server waits for a slow reader."""
 
-    def __init__(self, core: _core.Stream) -> None:
+    def __init__(self, core: _core.Stream, node: Node) -> None:
         self._core = core
+        self._node = node
 
     def __iter__(self) -> Iterator[_Item]:
         return self
 
     def __next__(self) -> _Item:
-        return cast(_Item, self._core.next(None))
+        return self.next()
 
     def next(self, timeout: float | None = None) -> _Item:
         """The next item. Raises StopIteration after the last one, and rtpm.Timeout if none arrives in time."""
+        self._node.check()
         return cast(_Item, self._core.next(timeout))
 
     def close(self) -> None:
         """Cancels the stream."""
-        self._core.cancel()
+        if not self._node.is_forked:
+            self._core.cancel()
 
 
 def many(
@@ -251,9 +259,10 @@ def _method(schema: Schema, index: int, method: dict[str, Any], owner: str) -> A
     if method["is_stream"]:
 
         def call(self: Any, request: Any, priority: Any, deadline: Any) -> Any:
-            return Stream(
-                self._rtpm_binding_.open_stream(index, request, priority, deadline, scope.get(), 16)
+            core = self._rtpm_binding_.open_stream(
+                index, request, priority, deadline, scope.get(), 16
             )
+            return Stream(core, self._rtpm_node_)
 
     else:
 

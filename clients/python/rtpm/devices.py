@@ -172,6 +172,12 @@ class Tip:
             self._core.acquire(patience)
 
     @property
+    def core(self) -> _core.Device:
+        """The extension's device."""
+        self._device._node.check()
+        return self._core
+
+    @property
     def force(self) -> Vector3:
         """The force, in newton in the device's frame. Setting it commands it for `hold` seconds."""
         return self._force
@@ -195,7 +201,7 @@ class Tip:
         """Commands a whole `Command`: pose, velocity, joints or outputs by its mode."""
         if not isinstance(command, Command):
             raise TypeError(f"send takes a Command, not {type(command).__name__}")
-        self._core.command(bytes(command), None)
+        self.core.command(bytes(command), None)
 
     def loop(self, rate: float = 1000.0, *, pause_gc: bool = False) -> Iterator[Sample]:
         """Yields the newest sample `rate` times a second; late cycles are skipped, counted, and reported at the end.
@@ -212,7 +218,7 @@ class Tip:
             sys.setswitchinterval(min(interval, 0.0005))
         try:
             while True:
-                yield Sample.from_buffer_copy(self._core.read(None))
+                yield Sample.from_buffer_copy(self.core.read(None))
                 pacer.wait()
         finally:
             if pause_gc:
@@ -235,27 +241,29 @@ class Tip:
         """Renders models by a native loop in this program, at `rate`, whatever Python does meanwhile."""
         if self._servo is not None:
             self._servo.stop()
-        self._servo = Servo(self._device, self._core, models, rate, priority)
+        self._servo = Servo(self._device, self.core, models, rate, priority)
         return self._servo
 
     def set_models(self, *models: Model) -> None:
         """Renders models in the device's own loop, which no network delays. They replace earlier ones."""
-        self._core.set_models(_models(models))
+        self.core.set_models(_models(models))
 
     def recover(self) -> None:
         """Clears a latched fault, such as a command that was not finite."""
-        self._core.recover()
+        self.core.recover()
 
     def rearm(self) -> None:
         """Ends an emergency stop."""
-        self._core.rearm()
+        self.core.rearm()
 
     def release(self) -> None:
         """Takes the force away and releases the lease."""
+        if self._device._node.is_forked:
+            return
         if self._servo is not None:
             self._servo.stop()
             self._servo = None
-        self._core.release()
+        self.core.release()
 
     def __enter__(self) -> Tip:
         return self
@@ -284,7 +292,7 @@ class Tip:
             raise TypeError(f"{name} takes three numbers, not {type(value).__name__}") from None
 
     def _send(self) -> None:
-        self._core.set_wrench([*self._force, *self._torque], None)
+        self.core.set_wrench([*self._force, *self._torque], None)
 
 
 class Servo:

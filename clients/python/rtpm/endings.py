@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import os
 import threading
 import weakref
 from types import TracebackType
@@ -53,3 +54,6 @@ def _stop_all() -> None:
 # Python waits for threads before it calls atexit's functions, which would then come too late.
 getattr(threading, "_register_atexit", atexit.register)(_stop_all)
 atexit.register(_core.end_threads)
+os.register_at_fork(after_in_child=_core.forget_threads)
+# What runs is the parent's.
+os.register_at_fork(after_in_child=_running.clear)

@@ -487,7 +487,7 @@ class Events(endings.Closing):
     def close(self) -> None:
         """Unsubscribes."""
         core, self._core = self._core, None
-        if core is not None:
+        if core is not None and not self._node.is_forked:
             core.close()
             self._ended_losses = Losses(*core.losses)
 

@@ -165,7 +165,7 @@ class Server:
 
     def stop(self) -> None:
         """Ends the server. Calls that still wait fail as stopped; running methods are waited for."""
-        if self._is_ending.is_set():
+        if self._is_ending.is_set() or self._node.is_forked:
             return
         self._is_ending.set()
         self._core.stop()

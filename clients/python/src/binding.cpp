@@ -38,6 +38,7 @@ wire::Delivery delivery_of(schema::OnewayLevel level) noexcept {
 std::shared_ptr<nb::object> kept(const nb::object& object) {
   return {new nb::object(object), [](nb::object* last) {
             if (!nb::is_alive()) return;  // The interpreter has ended, and its objects with it.
+            const Return gate;
             const nb::gil_scoped_acquire acquire;
             delete last;
           }};
@@ -67,7 +68,7 @@ Binding::Binding(SharedNode node, nb::object schema, std::size_t service, std::s
   auto bound = interruptible<Bound>(
       [node = node_, keep = kept(schema_object_), &interface = interface_, target = target_,
        options]() -> Bound { return rpc::Binding::bind(node->node, target, interface, options); });
-  binding_ = std::make_unique<rpc::Binding>(value_of(std::move(bound)));
+  binding_ = unforked(std::make_unique<rpc::Binding>(value_of(std::move(bound))));
 }
 
 rpc::CallOptions options_of(std::optional<int> priority, std::optional<double> deadline) {
@@ -112,6 +113,7 @@ nb::object Binding::call(std::size_t index, nb::handle request, std::optional<in
 nb::list Binding::call_many(std::size_t index, nb::handle requests, std::optional<int> priority,
                             std::optional<double> deadline, const CallScope* scope) {
   const rpc::CallOptions options = this->options(index, priority, deadline, scope);
+  const RunsPython runs;
   std::deque<rpc::PendingReply> open;
   nb::list replies;
   const auto take = [&] {
@@ -119,6 +121,7 @@ nb::list Binding::call_many(std::size_t index, nb::handle requests, std::optiona
     open.pop_front();
   };
   for (const nb::handle request : nb::iter(requests)) {
+    const RunsPython step;
     if (open.size() == kWindow) take();
     open.push_back(begin(index, schema_.codec().encode(method(index).request, request), options));
   }

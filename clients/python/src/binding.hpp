@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "forking.hpp"
 #include "node.hpp"
 #include "rtpm/rpc/async.hpp"
 #include "rtpm/rpc/binding.hpp"
@@ -89,7 +90,7 @@ class Binding {
   const schema::Service& service_;
   const rpc::InterfaceDescriptor& interface_;
   std::string target_;
-  std::unique_ptr<rpc::Binding> binding_{};
+  Unforked<rpc::Binding> binding_{};
   /// The last call succeeded, through shared memory.
   bool is_quick_ = false;
 };

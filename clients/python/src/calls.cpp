@@ -27,9 +27,12 @@ namespace {
 /// @threads   that of the loop, with the GIL
 class AsyncCalls {
  public:
-  int descriptor() { return value_of(completions_.descriptor()); }
-  void poll() { completions_.poll(); }
-  void cancel(rpc::CallNumber number) { completions_.cancel(number); }
+  int descriptor() { return value_of(completions_->descriptor()); }
+  void poll() {
+    const RunsPython scope;
+    completions_->poll();
+  }
+  void cancel(rpc::CallNumber number) { completions_->cancel(number); }
 
   /// Sends a call; `done` gets the reply and None, or None and the exception, in poll(). Returns the
   /// call's number for cancel().
@@ -38,8 +41,8 @@ class AsyncCalls {
                         const CallScope* scope, nb::object done) {
     auto& bound = nb::cast<Binding&>(binding);
     auto begun = bound.start(index, request, bound.options(index, priority, deadline, scope));
-    return completions_.then(std::move(begun), [&bound, keep = std::move(binding), index,
-                                                done = std::move(done)](const auto& reply) {
+    return completions_->then(std::move(begun), [&bound, keep = std::move(binding), index,
+                                                 done = std::move(done)](const auto& reply) {
       try {
         if (reply) {
           done(bound.decode(index, reply->bytes()), nb::none());
@@ -53,7 +56,7 @@ class AsyncCalls {
   }
 
  private:
-  rpc::Completions completions_{};
+  Unforked<rpc::Completions> completions_{new rpc::Completions};
 };
 
 /// What calls inherit within a scope that has a priority or a deadline, inside `outer`.

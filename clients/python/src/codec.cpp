@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "errors.hpp"
+#include "waiting.hpp"
 
 namespace nb = nanobind;
 
@@ -476,8 +477,10 @@ nb::object Codec::struct_from(std::size_t object, ConstBytes bytes) const {
 
 std::vector<std::byte> Codec::encode(const schema::Payload& payload, nb::handle value) const {
   if (payload.kind == PayloadKind::kEmpty) return {};
-  if (payload.kind == PayloadKind::kTable)
+  if (payload.kind == PayloadKind::kTable) {
+    const RunsPython scope;
     return Writer(model(), objects_).write(payload.table, value);
+  }
   const nb::object type = class_of(*payload.struct_index);
   if (PyObject_IsInstance(value.ptr(), type.ptr()) != 1) {
     refuse("the argument", "a " + text_of(type.attr("__name__")), value);
@@ -496,6 +499,7 @@ nb::object Codec::decode(const schema::Payload& payload, ConstBytes bytes) const
   if (payload.kind == PayloadKind::kTable) {
     const auto table = dynamic_->as_table(payload, bytes);
     if (table) {
+      const RunsPython scope;
       const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(table->data()));
       return Reader(model(), objects_, enums_).table(payload.table, follow(data));
     }

@@ -54,6 +54,7 @@ const char* name_of(gvd::DeviceOutcome outcome) noexcept {
 [[noreturn]] void raise_device(const gvd::DeviceError& error, const std::string& target,
                                const std::string& text = {}) {
   if (error.outcome() == gvd::DeviceOutcome::kCallFailed) raise(error.call(), {}, target);
+  const RunsPython scope;
   const std::string why = text.empty() ? std::string(gvd::to_string(error)) : text;
   raise_object(
       nb::module_::import_("rtpm.errors").attr("of_device")(name_of(error.outcome()), why, target));

@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <string>
 
+#include "waiting.hpp"
+
 namespace nb = nanobind;
 
 namespace rtpm::python {
@@ -31,6 +33,7 @@ nb::object errors() {
 }  // namespace
 
 void raise(const SetupError& error) {
+  const RunsPython scope;
   const bool is_call =
       error.cause.category() == rpc::make_error_code(rpc::CallError::kTimeout).category();
   const char* name = is_call ? name_of(static_cast<rpc::CallError>(error.cause.value())) : "";
@@ -38,6 +41,7 @@ void raise(const SetupError& error) {
 }
 
 nb::object exception_of(rpc::CallError error, std::string_view method, std::string_view target) {
+  const RunsPython scope;
   return errors().attr("of_call")(name_of(error), rpc::describe(error),
                                   nb::str(method.data(), method.size()),
                                   nb::str(target.data(), target.size()));

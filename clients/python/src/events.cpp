@@ -76,6 +76,7 @@ SharedSubscription subscribe(const SharedNode& node, std::string hub, std::strin
 
 void log(const std::vector<std::string>& notices) {
   if (notices.empty()) return;
+  const RunsPython scope;
   const nb::object logger = nb::module_::import_("logging").attr("getLogger")("rtpm");
   for (const std::string& notice : notices)
     logger.attr("warning")("%s", notice);
@@ -263,6 +264,7 @@ class Supplier {
   }
 
   void push_many(nb::handle values, events::SourceId source) {
+    const RunsPython scope;
     std::vector<std::vector<std::byte>> payloads;
     for (const nb::handle value : nb::iter(values))
       payloads.push_back(codec().encode(payload_, value));

@@ -14,6 +14,7 @@ NB_MODULE(_core, module) {
   nanobind::set_leak_warnings(false);
   module.attr("version") = RTPM_VERSION;
   module.def("end_threads", &rtpm::python::end_threads);
+  module.def("forget_threads", &rtpm::python::forget_threads);
   rtpm::python::define_schema(module);
   rtpm::python::define_node(module);
   rtpm::python::define_calls(module);

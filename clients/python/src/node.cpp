@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "errors.hpp"
+#include "forking.hpp"
 #include "rtpm/dynamic/remote_object.hpp"
 #include "waiting.hpp"
 
@@ -36,7 +37,7 @@ SharedNode make_node(std::string registry, std::string_view transport, std::stri
   config.transport = transport_of(transport);
   config.security.key_file = std::move(key_file);
   config.security.known_servers_file = std::move(known_servers_file);
-  return std::make_shared<Node>(std::move(registry), std::move(config));
+  return unforked(std::make_unique<Node>(std::move(registry), std::move(config)));
 }
 
 nb::object to_python(const predicate::Item& item) {

@@ -43,6 +43,7 @@ struct Recording {
 using SharedRecording = std::shared_ptr<Recording>;
 
 [[noreturn]] void raise_recording(const std::string& path, const SetupError& error) {
+  const RunsPython scope;
   raise_object(nb::module_::import_("rtpm.errors")
                    .attr("of_recording")(path, error.what, error.why, error.remedy));
 }

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "forking.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::python {
@@ -18,7 +19,8 @@ expected<SharedDevice, SetupError> RemoteDevice::open(SharedNode node, const std
   auto client =
       gvd::DeviceClient::open(node->node, target, {.bind = {}, .hold = hold, .patience = patience});
   if (!client) return unexpected{std::move(client.error())};
-  return std::make_shared<RemoteDevice>(std::move(node), std::move(*client), target, stall);
+  return unforked(
+      std::make_unique<RemoteDevice>(std::move(node), std::move(*client), target, stall));
 }
 
 RemoteDevice::RemoteDevice(SharedNode node, gvd::DeviceClient client, std::string target,

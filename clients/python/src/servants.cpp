@@ -15,6 +15,7 @@
 
 #include "binding.hpp"
 #include "errors.hpp"
+#include "forking.hpp"
 #include "hand_over.hpp"
 #include "node.hpp"
 #include "rtpm/introspection/catalog.hpp"
@@ -153,7 +154,7 @@ class Server {
     config.lanes = {{.schedule = rt::Schedule::kTimeShared}};
     config.deferred_call_count_max = queue;
     config.security = node_->node.config().served;
-    server_ = value_of(rpc::Server::create(std::move(config)));
+    server_ = unforked(value_of(rpc::Server::create(std::move(config))));
   }
 
   void add(const std::string& path, nb::object schema, std::size_t service) {
@@ -178,7 +179,7 @@ class Server {
            interface = std::string(object.servant->interface().name)]() -> Bound {
             auto made = names::Registration::create(node->node, node->where, path, url, interface);
             if (!made) return unexpected{std::move(made.error())};
-            return std::shared_ptr<names::Registration>(std::move(*made));
+            return std::shared_ptr<names::Registration>(unforked(std::move(*made)));
           });
       names_.push_back(value_of(std::move(bound)));
     }
@@ -215,7 +216,7 @@ class Server {
   std::shared_ptr<HandOver> workers_ = std::make_shared<HandOver>();
   std::vector<Object> objects_{};
   introspection::Catalog catalog_{};
-  std::unique_ptr<rpc::Server> server_{};
+  Unforked<rpc::Server> server_{};
   std::vector<std::shared_ptr<names::Registration>> names_{};
 };
 

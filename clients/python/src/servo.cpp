@@ -24,7 +24,7 @@ expected<std::unique_ptr<Servo>, SetupError> Servo::start(SharedDevice device, d
   auto thread = rt::Thread::start({.name = "rtpm-servo", .priority = priority},
                                   [raw = servo.get()] { raw->run(); });
   if (!thread) return unexpected{std::move(thread.error())};
-  servo->thread_ = std::move(*thread);
+  servo->thread_ = unforked(std::make_unique<rt::Thread>(std::move(*thread)));
   return servo;
 }
 
@@ -34,7 +34,7 @@ Servo::~Servo() {
 
 void Servo::stop() noexcept {
   is_stopping_.store(true, std::memory_order_release);
-  thread_.join();
+  thread_.reset();
 }
 
 LoopFigures Servo::figures() const noexcept {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "forking.hpp"
 #include "remote_device.hpp"
 #include "rtpm/base/histogram.hpp"
 #include "rtpm/base/latest.hpp"
@@ -62,7 +63,7 @@ class Servo {
   Latest<LoopFigures> figures_{};
   std::atomic<bool> is_stopping_{false};
   std::atomic<bool> is_running_{true};
-  rt::Thread thread_{};
+  Unforked<rt::Thread> thread_{};
 };
 
 }  // namespace rtpm::python

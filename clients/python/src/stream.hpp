@@ -16,7 +16,10 @@ namespace rtpm::python {
 class Stream {
  public:
   Stream(nanobind::object owner, Binding& binding, std::size_t index, rpc::ItemReader reader)
-      : owner_(std::move(owner)), binding_(binding), index_(index), reader_(std::move(reader)) {}
+      : owner_(std::move(owner)),
+        binding_(binding),
+        index_(index),
+        reader_(new rpc::ItemReader(std::move(reader))) {}
 
   /// The next item.
   /// @errors raises StopIteration after the last one, Timeout if none arrives in time
@@ -30,7 +33,7 @@ class Stream {
   nanobind::object owner_;
   Binding& binding_;
   std::size_t index_;
-  rpc::ItemReader reader_;
+  Unforked<rpc::ItemReader> reader_;
 };
 
 }  // namespace rtpm::python

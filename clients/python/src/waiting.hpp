@@ -20,9 +20,31 @@ namespace rtpm::python {
 /// How long a wait lasts before it checks the signals.
 inline constexpr Duration kSlice = std::chrono::milliseconds{50};
 
-/// Releases the GIL for its lifetime, unlike nanobind's class also while the program ends: then a
-/// thread other than the ending one stops here for good, because the interpreter would unwind it
-/// through C++ that can't be unwound.
+/// A thread's way back to the interpreter. From the end of the program on, a thread other than the
+/// ending one rests here for good: the interpreter would unwind it through C++ that can't be
+/// unwound. Take the GIL within its lifetime.
+/// @threads  one without the GIL
+class Return {
+ public:
+  Return() noexcept;
+  Return(const Return&) = delete;
+  Return& operator=(const Return&) = delete;
+  ~Return();
+};
+
+/// A scope of C++ that calls Python code, which other threads may interrupt. The end of the program
+/// waits for it, and lets no further one begin, for Return's reason.
+/// @threads  one that holds the GIL
+class RunsPython {
+ public:
+  RunsPython() noexcept;
+  RunsPython(const RunsPython&) = delete;
+  RunsPython& operator=(const RunsPython&) = delete;
+  ~RunsPython();
+};
+
+/// Releases the GIL for its lifetime, unlike nanobind's class also while the program ends: see
+/// Return.
 /// @threads  one that holds the GIL
 class Released {
  public:
@@ -35,8 +57,11 @@ class Released {
   PyThreadState* state_;
 };
 
-/// Lets no other thread return to the interpreter from now on. Call it last, with the GIL.
+/// Lets no other thread return to the interpreter from now on, and waits shortly for those whose C++
+/// calls Python code. Call it last, with the GIL.
 void end_threads();
+/// Forgets the other threads in a forked child, where they do not exist.
+void forget_threads();
 
 /// Seconds from now, not below 0; None if never.
 [[nodiscard]] std::optional<double> seconds_until(MonotonicTime time);

@@ -5,8 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from typing import Any
@@ -128,44 +126,3 @@ def test_a_forked_child_is_told_so(arm: Any) -> None:
     assert "make an rtpm.Node here" in answers.get()
     child.join(10)
     assert child.exitcode == 0
-
-
-ENDINGS = {
-    "with an open client": "",
-    "in a daemon thread's call": (
-        "def work():\n"
-        "    while True: arm.read()\n"
-        "for _ in range(4): threading.Thread(target=work, daemon=True).start()\n"
-        "time.sleep(0.1)\n"
-    ),
-    "in a daemon thread's wait": (
-        "def work():\n"
-        "    while True: pacer.wait()\n"
-        "pacer = rtpm._core.Pacer(30)\n"
-        "threading.Thread(target=work, daemon=True).start()\n"
-        "time.sleep(0.1)\n"
-    ),
-    "with a call in atexit": "atexit.register(arm.read)\n",
-    "with a held lease": "tip = rtpm.device('lab/arm0', node=node).command(patience=5)\ntip.force = (0, 0, 0)\n",
-    "with a running servo": "tip = rtpm.device('lab/arm0', node=node).command(patience=5)\nservo = tip.render()\n",
-    "in a loop's middle": (
-        "tip = rtpm.device('lab/arm0', node=node).command(patience=5)\nloop = tip.loop(500)\nnext(loop)\nnext(loop)\n"
-    ),
-    "by sys.exit": "sys.exit(0)\n",
-    "by os._exit": "sys.stdout.flush(); os._exit(0)\n",
-}
-
-
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_a_program_ends(laboratory: Laboratory, ending: str) -> None:
-    code = (
-        "import atexit, os, rtpm, sys, threading, time\n"
-        f"node = rtpm.Node({laboratory.registry.url!r})\n"
-        "arm = rtpm.connect('lab/arm0', node=node)\n"
-        "arm.read()\n"
-        "print('read')\n"
-    ) + ENDINGS[ending]
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "read\n", "")
