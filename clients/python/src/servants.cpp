@@ -65,7 +65,7 @@ class Job {
   std::uint64_t session() const noexcept { return call_.session; }
   std::string caller_host() const { return rpc::to_string(call_.caller); }
   const std::string& caller_name() const noexcept { return call_.caller_name; }
-  /// What the calls of its method inherit.
+  /// For the calls that its method makes.
   CallScope scope() const noexcept {
     return {.priority = call_.priority, .deadline = call_.deadline, .trace_id = call_.trace_id};
   }
