@@ -22,7 +22,8 @@ class EventRecorderTest : public testing::Test {
     events_.emplace(*recorder_);
   }
   /// A button's change from `source`; the hub's clock is one second behind this host's.
-  void record(events::SourceId source, std::uint64_t sequence, bool is_known = true) {
+  void record(events::SourceId source, std::uint64_t sequence, bool is_known = true,
+              bool is_hub_local = false) {
     const device::ButtonChange change(sequence, 2, true);
     const MonotonicTime now = rt::now() - std::chrono::seconds{1};
     const auto* const bytes = reinterpret_cast<const std::byte*>(&change);
@@ -33,7 +34,7 @@ class EventRecorderTest : public testing::Test {
                                 .hub_received = now,
                                 .hub_sent = now},
                      .payload = {bytes, sizeof change}},
-                    is_known ? &device::ButtonChangedEvent::kDescriptor : nullptr);
+                    is_known ? &device::ButtonChangedEvent::kDescriptor : nullptr, is_hub_local);
   }
   [[nodiscard]] std::unique_ptr<recording::FileReader> closed() {
     EXPECT_TRUE(recorder_->close());
@@ -74,6 +75,20 @@ TEST_F(EventRecorderTest, KeepsTheOriginAsPublishTime) {
     EXPECT_EQ(message.log_time_ns - message.publish_time_ns, 5'000'000u);
     return true;
   }));
+}
+
+TEST_F(EventRecorderTest, KeepsTheExactOriginOfAHubOnThisHost) {
+  record(3, 7, /*is_known=*/false, /*is_hub_local=*/true);
+  record(3, 8, /*is_known=*/true, /*is_hub_local=*/true);
+  const auto reader = closed();
+  ASSERT_NE(reader, nullptr);
+  int count = 0;
+  EXPECT_TRUE(reader->read({}, [&](const recording::Message& message) {
+    EXPECT_GE(message.log_time_ns - message.publish_time_ns, 1'005'000'000u);
+    ++count;
+    return true;
+  }));
+  EXPECT_EQ(count, 2);
 }
 
 /// A program's first events may arrive before the hub has announced its types.

@@ -30,18 +30,22 @@ const events::EventDescriptor* find_in(KnownTypes types, events::EventType type)
 EventRecorder::EventRecorder(recording::Recorder& recorder, bool names_devices)
     : names_devices_(names_devices), recorder_(recorder), track_(recorder.add_track()) {}
 
-void EventRecorder::record(const events::EventView& event, const events::EventDescriptor* type) {
+void EventRecorder::record(const events::EventView& event, const events::EventDescriptor* type,
+                           bool is_hub_local) {
   const std::lock_guard lock(mutex_);
   const events::EventHeader& header = event.header;
   const Key key{header.type, header.source};
   const MonotonicTime now = rt::now();
+  // Only differences of another host's times are valid.
+  const MonotonicTime origin =
+      is_hub_local ? header.origin : now - (header.hub_sent - header.origin);
   const bool is_settled_now = is_settled(header, type);
   // If the type already has a channel, an earlier event waited for the name without success.
   const bool may_wait = !is_settled_now && !channels_.contains(key) &&
                         held_byte_count_ + cost_of(event.payload) <= kHeldByteMax;
-  if (may_wait) return hold(event, now);
+  if (may_wait) return hold(event, now, origin);
   let_go(key, type);
-  put(header, event.payload, now, type);
+  put(header, event.payload, now, origin, type);
 }
 
 bool EventRecorder::is_settled(const events::EventHeader& header,
@@ -54,9 +58,10 @@ bool EventRecorder::lacks_name(const events::EventHeader& header) const {
   return names_devices_ && is_device_event(header.type) && !devices_.contains(header.source);
 }
 
-void EventRecorder::hold(const events::EventView& event, MonotonicTime now) {
+void EventRecorder::hold(const events::EventView& event, MonotonicTime received,
+                         MonotonicTime origin) {
   held_[{event.header.type, event.header.source}].push_back(
-      {event.header, {event.payload.begin(), event.payload.end()}, now});
+      {event.header, {event.payload.begin(), event.payload.end()}, received, origin});
   held_byte_count_ += cost_of(event.payload);
 }
 
@@ -64,7 +69,7 @@ void EventRecorder::let_go(const Key& key, const events::EventDescriptor* type) 
   const auto found = held_.find(key);
   if (found == held_.end()) return;
   for (const Held& held : found->second) {
-    put(held.header, held.payload, held.received, type);
+    put(held.header, held.payload, held.received, held.origin, type);
     held_byte_count_ -= cost_of(held.payload);
   }
   held_.erase(found);
@@ -97,16 +102,15 @@ bool EventRecorder::is_holding() const {
 }
 
 void EventRecorder::put(const events::EventHeader& header, ConstBytes payload,
-                        MonotonicTime received, const events::EventDescriptor* type) {
+                        MonotonicTime received, MonotonicTime origin,
+                        const events::EventDescriptor* type) {
   const ChannelOfEvents* const channel = channel_of(header, type);
   if (channel == nullptr) return;
-  recording::Message message{
-      .channel_id = channel->number,
-      .sequence = static_cast<std::uint32_t>(header.sequence),
-      .log_time_ns = recorder_.log_time_ns(received),
-      // The hub's clock may be another host's, so only differences of its times are valid.
-      .publish_time_ns = recorder_.log_time_ns(received - (header.hub_sent - header.origin)),
-      .data = payload};
+  recording::Message message{.channel_id = channel->number,
+                             .sequence = static_cast<std::uint32_t>(header.sequence),
+                             .log_time_ns = recorder_.log_time_ns(received),
+                             .publish_time_ns = recorder_.log_time_ns(origin),
+                             .data = payload};
   std::optional<std::vector<std::byte>> table;
   if (channel->dynamic != nullptr) {
     table = channel->dynamic->as_table(channel->dynamic->event(), payload);

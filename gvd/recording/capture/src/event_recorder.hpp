@@ -46,8 +46,11 @@ class EventRecorder {
   ~EventRecorder() = default;
 
   /// Records one event; if the recorder can't take it, it counts as dropped.
-  /// @param type  null while the type is not known
-  void record(const events::EventView& event, const events::EventDescriptor* type);
+  /// @param type           null while the type is not known
+  /// @param is_hub_local   the hub's clock is this host's: the origin is exact. Otherwise it is late by
+  ///                       the transit from the hub
+  void record(const events::EventView& event, const events::EventDescriptor* type,
+              bool is_hub_local = false);
   /// Records held events whose type and name are known now, or that have waited for too long. Call
   /// it regularly.
   void attend(KnownTypes types);
@@ -75,17 +78,18 @@ class EventRecorder {
     events::EventHeader header{};
     std::vector<std::byte> payload{};
     MonotonicTime received{};
+    MonotonicTime origin{};  ///< By this host's clock.
   };
   /// Whether the right channel for an event with this header is known.
   [[nodiscard]] bool is_settled(const events::EventHeader& header,
                                 const events::EventDescriptor* type) const;
   [[nodiscard]] bool lacks_name(const events::EventHeader& header) const;
-  void hold(const events::EventView& event, MonotonicTime now);
+  void hold(const events::EventView& event, MonotonicTime received, MonotonicTime origin);
   /// Records the held events of a type and source.
   void let_go(const Key& key, const events::EventDescriptor* type);
   void let_go_if(KnownTypes types, bool is_end);
   void put(const events::EventHeader& header, ConstBytes payload, MonotonicTime received,
-           const events::EventDescriptor* type);
+           MonotonicTime origin, const events::EventDescriptor* type);
   /// Finds or adds the channel of an event; null if the file has no channel left.
   ChannelOfEvents* channel_of(const events::EventHeader& header,
                               const events::EventDescriptor* type);

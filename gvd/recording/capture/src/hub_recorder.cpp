@@ -37,16 +37,19 @@ struct HubRecorder::Impl final : events::EventHandler {
     wanted.deadline = config.deadline;
     auto joined = events::Consumer::create(node, config.hub, std::move(wanted), *this);
     if (!joined) return unexpected{joined.error()};
+    const std::lock_guard lock(mutex);
     consumer = std::move(*joined);
     return {};
   }
 
   void on_events(std::span<const events::EventView> given) override {
     const std::lock_guard lock(mutex);
+    // The ring is on the hub's host.
+    const bool is_hub_local = consumer != nullptr && consumer->reads_ring();
     for (const events::EventView& event : given) {
       const events::EventDescriptor* const type = types.find(event.header.type);
       lacks_type = lacks_type || (type == nullptr && event.header.type <= events::kEventTypeMax);
-      event_recorder.record(event, type);
+      event_recorder.record(event, type, is_hub_local);
     }
   }
   void on_notice(const events::Notice& notice) override {
@@ -119,7 +122,7 @@ struct HubRecorder::Impl final : events::EventHandler {
   bool is_ending = false;  ///< This object is ending the subscription.
   std::vector<std::string> undescribed{};
   std::vector<std::string> reports{};
-  std::unique_ptr<events::Consumer> consumer{};
+  std::unique_ptr<events::Consumer> consumer{};  ///< Set under the mutex.
 };
 
 expected<std::unique_ptr<HubRecorder>, SetupError> HubRecorder::create(
