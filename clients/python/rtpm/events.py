@@ -589,11 +589,11 @@ class Events(endings.Closing):
                 return None
             for entry in entries:
                 if entry["interface"] == _DEVICE:
-                    self._devices[_hash(entry["name"])] = entry["name"]
+                    self._devices[source_of(entry["name"])] = entry["name"]
         return self._devices.get(source)
 
 
-def _hash(name: str) -> int:
+def source_of(name: str) -> int:
     """The source of a device's events: the 32-bit FNV-1a hash of its name."""
     result = 0x811C9DC5
     for byte in name.encode():
