@@ -11,6 +11,7 @@ import logging
 import math
 import sys
 import threading
+import time
 from collections.abc import Iterable, Iterator
 from types import TracebackType
 from typing import Any
@@ -40,6 +41,9 @@ _log = logging.getLogger("rtpm")
 Vector3Like = Iterable[float]
 #: A local model; `rtpm.Wall` is a Plane.
 Model = Plane | Sphere | Box | Spring | AffineField | Friction | Detents | DialDetents
+
+#: For how many seconds a loop goes on without a sample.
+_READ_PATIENCE = 1.0
 
 #: The models' fields in the schema's Model.
 _MODEL_FIELDS: dict[type, str] = {
@@ -206,11 +210,14 @@ class Tip:
     def loop(self, rate: float = 1000.0, *, pause_gc: bool = False) -> Iterator[Sample]:
         """Yields the newest sample `rate` times a second; late cycles are skipped, counted, and reported at the end.
 
+        A cycle whose sample comes too late is skipped, too; without any for 1 s, Timeout is raised.
+
         Python's threads share one lock, so that a computing thread delays such a loop by milliseconds:
         render() does not know that. pause_gc: holds back garbage collection during the loop, and lets
         threads change more often.
         """
         pacer = _core.Pacer(rate)
+        last_read = time.monotonic()
         interval = sys.getswitchinterval()
         if pause_gc:
             gc.freeze()
@@ -218,7 +225,14 @@ class Tip:
             sys.setswitchinterval(min(interval, 0.0005))
         try:
             while True:
-                yield Sample.from_buffer_copy(self.core.read(None))
+                try:
+                    sample = Sample.from_buffer_copy(self.core.read(None))
+                except errors.Timeout:
+                    if time.monotonic() - last_read > _READ_PATIENCE:
+                        raise
+                else:
+                    yield sample
+                    last_read = time.monotonic()
                 pacer.wait()
         finally:
             if pause_gc:
