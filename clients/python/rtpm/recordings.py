@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import ctypes
 import json
+import logging
 import os
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple, cast
@@ -12,7 +14,14 @@ from . import _core, errors, schemas
 from .endings import Closing
 from .values import Struct
 
+_log = logging.getLogger("rtpm")
+
 _SAMPLED = "rtpm.device.Sampled"
+#: Columns of a frame of samples, instead of the names of their fields.
+_COLUMNS = {f"position_m.{axis}": axis for axis in "xyz"} | {
+    f"force_newton.{axis}": f"f{axis}" for axis in "xyz"
+}
+_FOREVER_NS = 2**64 - 1
 
 
 class _Channel(NamedTuple):
@@ -53,6 +62,7 @@ class Topic:
         self._recording = recording
         self._channels = channels
         self.name = name
+        self._range_ns = (0, _FOREVER_NS)
         #: The type's name, such as "lab.Touched"; empty if unknown.
         self.type = channels[0].type
         #: How many messages it has, as far as the file says.
@@ -61,19 +71,31 @@ class Topic:
         self.metadata: Mapping[str, str] = channels[0].metadata
 
     def __iter__(self) -> Iterator[Recorded]:
-        return self._recording._read(self._channels)
+        return self._recording._read(self._channels, *self._range_ns)
+
+    def between(self, begin: float, end: float) -> Topic:
+        """The part that was recorded from `begin` until before `end`, in seconds since the recording began.
+
+        `count` and `len()` of the part remain those of the whole topic.
+        """
+        if not begin < end:
+            raise ValueError(f"begin takes a time before end, not {begin} before {end}")
+        part = copy.copy(self)
+        part._range_ns = (self._recording._ns_of(begin), self._recording._ns_of(end) - 1)
+        return part
 
     def values(self) -> Iterator[Any]:
         """The values alone."""
         return (message.value for message in self)
 
     def array(self) -> Any:
-        """All messages of a struct, such as samples, as a structured array: `time_ns`, then the struct's fields."""
+        """Messages of a struct, such as samples, as a structured array: `time_ns`, then the struct's fields."""
         numpy = _import("numpy")
         kind = self._struct()
         record = _dtype_of(kind, numpy)
         data = self._recording.core.read_records(
             [channel.number for channel in self._channels],
+            *self._range_ns,
             ctypes.sizeof(kind),
             8,
             8 + ctypes.sizeof(kind),
@@ -87,20 +109,24 @@ class Topic:
         return numpy.frombuffer(data, numpy.dtype(packed))
 
     def frame(self) -> Any:
-        """Samples as a data frame: time (seconds since the recording began), x, y, z (m), fx, fy, fz (N), buttons."""
-        pandas = _import("pandas")
-        if self.type != _SAMPLED:
-            raise TypeError(
-                f"{self.name}: frame takes samples of a device, not {self.type or 'messages without a type'}"
-            )
-        samples = self.array()
-        columns: dict[str, Any] = {"time": (samples["time_ns"] - self._recording.start_ns) * 1e-9}
-        for axis in "xyz":
-            columns[axis] = samples["position_m"][axis]
-        for axis in "xyz":
-            columns[f"f{axis}"] = samples["force_newton"][axis]
-        columns["buttons"] = samples["buttons"]
-        return pandas.DataFrame(columns)
+        """Messages of a struct as a data frame of pandas: `time`, in seconds since the recording began, then the fields.
+
+        A field of a field is a column "force.x". Samples have short names for the columns of an
+        analysis: x, y, z (m), fx, fy, fz (N) and buttons, and no others.
+        """
+        return _import("pandas").DataFrame(self._frame_columns())
+
+    def arrow(self) -> Any:
+        """The columns of frame() as a table of pyarrow, for example for `pyarrow.parquet.write_table`."""
+        return _import("pyarrow").table(self._frame_columns())
+
+    def _frame_columns(self) -> dict[str, Any]:
+        array = self.array()
+        columns = _leaves(array[list(array.dtype.names[1:])], "")
+        if self.type == _SAMPLED:
+            names = _COLUMNS | {"buttons": "buttons"}
+            columns = {names[name]: columns[name] for name in names}
+        return {"time": (array["time_ns"] - self._recording.start_ns) * 1e-9} | columns
 
     def _struct(self) -> type[Struct]:
         kinds = {self._recording._struct_of(channel) for channel in self._channels}
@@ -179,7 +205,7 @@ class Recording(Closing):
 
     def __iter__(self) -> Iterator[Recorded]:
         """All messages in order of the time of their recording."""
-        return self._read(list(self._channels.values()))
+        return self._read(list(self._channels.values()), 0, _FOREVER_NS)
 
     def close(self) -> None:
         """Closes the file."""
@@ -188,12 +214,15 @@ class Recording(Closing):
     def __repr__(self) -> str:
         return f"<rtpm.Recording {self._path}: {self.duration:.1f} s, {len(self.topics)} topics>"
 
-    def _read(self, channels: list[_Channel]) -> Iterator[Recorded]:
+    def _ns_of(self, seconds: float) -> int:
+        return min(max(self.start_ns + round(seconds * 1e9), 1), _FOREVER_NS)
+
+    def _read(self, channels: list[_Channel], from_ns: int, to_ns: int) -> Iterator[Recorded]:
         numbers = [channel.number for channel in channels]
         if not numbers:
             return
-        from_ns = done_count = 0
-        while page := self.core.read_page(numbers, from_ns, done_count):
+        done_count = 0
+        while page := self.core.read_page(numbers, from_ns, to_ns, done_count):
             for message in page:
                 # Where the next page begins: after so many messages of the last one's time.
                 done_count = done_count + 1 if message[2] == from_ns else 1
@@ -203,7 +232,14 @@ class Recording(Closing):
     def _schema_of(self, channel: _Channel) -> tuple[schemas.Schema, int] | None:
         if channel.number not in self._schemas:
             self._schemas[channel.number] = None
-            text = self.core.schema_of(channel.number)
+            text, problem = self.core.schema_of(channel.number)
+            if problem:
+                _log.warning(
+                    "%s: the schema of %s can't be read, so that its values are bytes: %s",
+                    self._path,
+                    channel.topic,
+                    problem,
+                )
             if text:
                 schema = schemas.schema_of(text)
                 for index, item in enumerate(schema.layout["objects"]):
@@ -243,6 +279,19 @@ def _dtype_of(kind: Any, numpy: Any) -> Any:
     return numpy.dtype(
         {"names": names, "formats": formats, "offsets": offsets, "itemsize": ctypes.sizeof(kind)}
     )
+
+
+def _leaves(array: Any, prefix: str) -> dict[str, Any]:
+    """The scalars of a structured array by their names, "force.x" or "joints[3]"."""
+    if array.dtype.names:
+        parts = [
+            (f"{prefix}.{name}" if prefix else name, array[name]) for name in array.dtype.names
+        ]
+    elif array.ndim > 1:
+        parts = [(f"{prefix}[{index}]", array[:, index]) for index in range(array.shape[1])]
+    else:
+        return {prefix: array}
+    return {name: leaf for part, values in parts for name, leaf in _leaves(values, part).items()}
 
 
 def _import(name: str) -> Any:

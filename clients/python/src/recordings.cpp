@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "errors.hpp"
+#include "rtpm/base/printable.hpp"
 #include "rtpm/capture/read_events.hpp"
 #include "rtpm/recording/file_reader.hpp"
 #include "rtpm/schema/compile.hpp"
@@ -76,15 +77,17 @@ nb::list channels(const Recording& self) {
   return list;
 }
 
-/// The channel's schema as text; empty if the file has none that can be read.
-std::string schema_of(const Recording& self, std::uint16_t number) {
+/// The channel's schema as text, and why it can't be read; both empty if the file has none.
+nb::tuple schema_of(const Recording& self, std::uint16_t number) {
   const auto schema = self.reader->schemas().find(self.reader->channels().at(number).schema_id);
-  if (schema == self.reader->schemas().end() || schema->second.encoding != "flatbuffer") return {};
+  if (schema == self.reader->schemas().end() || schema->second.encoding != "flatbuffer")
+    return nb::make_tuple("", "");
   const auto& data = schema->second.data;
   const auto compiled = schema::compile_binary(
       {static_cast<const std::uint8_t*>(static_cast<const void*>(data.data())), data.size()},
       schema->second.name);
-  return compiled.model ? schema::schema_text(*compiled.model) : std::string();
+  if (!compiled.model) return nb::make_tuple("", printable(compiled.errors.front().message));
+  return nb::make_tuple(schema::schema_text(*compiled.model), "");
 }
 
 /// Visits messages on a thread of its own, so that signals end the wait.
@@ -104,10 +107,10 @@ struct Held {
   std::vector<std::byte> data{};
 };
 
-/// The next messages from a log time on, without the first `skip_count` of that time: channel,
-/// sequence, log time, publish time and bytes of each.
+/// The next messages from a log time to another, without the first `skip_count` of the first time:
+/// channel, sequence, log time, publish time and bytes of each.
 nb::list read_page(const SharedRecording& self, std::vector<std::uint16_t> numbers,
-                   std::uint64_t from_ns, std::size_t skip_count) {
+                   std::uint64_t from_ns, std::uint64_t to_ns, std::size_t skip_count) {
   struct Page {
     std::vector<Held> messages{};
     std::size_t byte_count = 0;
@@ -115,7 +118,7 @@ nb::list read_page(const SharedRecording& self, std::vector<std::uint16_t> numbe
   };
   const auto page = std::make_shared<Page>();
   page->skip_count = skip_count;
-  read(self, {.from_ns = from_ns, .channel_ids = std::move(numbers)},
+  read(self, {.from_ns = from_ns, .to_ns = to_ns, .channel_ids = std::move(numbers)},
        [page](const Message& message) {
          if (page->skip_count > 0) {
            --page->skip_count;
@@ -133,15 +136,16 @@ nb::list read_page(const SharedRecording& self, std::vector<std::uint16_t> numbe
   return list;
 }
 
-/// All messages of channels of a struct, packed: the publish time, then the struct.
+/// The messages of channels of a struct, packed: the publish time, then the struct.
 nb::bytearray read_records(const SharedRecording& self, std::vector<std::uint16_t> numbers,
-                           std::size_t struct_size, std::size_t offset, std::size_t record_size) {
+                           std::uint64_t from_ns, std::uint64_t to_ns, std::size_t struct_size,
+                           std::size_t offset, std::size_t record_size) {
   struct Records {
     std::vector<std::byte> bytes{};
     bool is_broken = false;
   };
   const auto records = std::make_shared<Records>();
-  read(self, {.channel_ids = std::move(numbers)},
+  read(self, {.from_ns = from_ns, .to_ns = to_ns, .channel_ids = std::move(numbers)},
        [records, struct_size, offset, record_size](const Message& message) {
          const ConstBytes value = capture::struct_in_table(message.data, struct_size);
          records->is_broken = value.empty();
@@ -203,9 +207,9 @@ void define_recordings(nb::module_& module) {
       .def_prop_ro("end_ns", [](const Recording& self) { return self.reader->statistics().end_ns; })
       .def("channels", &channels)
       .def("schema_of", &schema_of, "channel"_a)
-      .def("read_page", &read_page, "channels"_a, "from_ns"_a, "skip_count"_a)
-      .def("read_records", &read_records, "channels"_a, "struct_size"_a, "offset"_a,
-           "record_size"_a)
+      .def("read_page", &read_page, "channels"_a, "from_ns"_a, "to_ns"_a, "skip_count"_a)
+      .def("read_records", &read_records, "channels"_a, "from_ns"_a, "to_ns"_a, "struct_size"_a,
+           "offset"_a, "record_size"_a)
       .def("decode", &decode, "schema"_a, "object"_a, "data"_a)
       .def("metadata", &metadata);
 }

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import rtpm
 from conftest import PROGRAMS, Laboratory
-from rtpm import schemas
+from rtpm import recordings, schemas
 
 TEXT = """
 attribute "rtpm_event";
@@ -137,8 +137,55 @@ def test_a_frame_has_the_columns_of_an_analysis(file: Path) -> None:
         frame = recording["lab/arm0"].frame()
         assert list(frame.columns) == ["time", "x", "y", "z", "fx", "fy", "fz", "buttons"]
         assert -1 < frame.time.iloc[0] < frame.time.iloc[-1] <= recording.duration + 1
-        with pytest.raises(TypeError, match="frame takes samples of a device"):
+        forces = recording["lab.Pressed/3"]
+        assert list(forces.frame().columns) == ["time", "x", "y", "z"]
+        assert forces.frame().z.tolist() == [force.z for force in forces.values()]
+        with pytest.raises(TypeError, match="array takes messages of one struct"):
             recording["lab.Noted/0"].frame()
+
+
+def test_an_arrow_table_has_the_columns_of_a_frame(file: Path) -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    with rtpm.open(file) as recording:
+        table = recording["lab/arm0"].arrow()
+        assert table.column_names == ["time", "x", "y", "z", "fx", "fy", "fz", "buttons"]
+        assert table.num_rows == recording["lab/arm0"].count
+        assert recording["lab.Pressed/3"].arrow().column_names == ["time", "x", "y", "z"]
+
+
+def test_fields_of_fields_and_of_arrays_are_columns() -> None:
+    kind = np.dtype(
+        [("force", [("x", "f8"), ("y", "f8")]), ("joints", "f4", (2,)), ("state", "u1")]
+    )
+    columns = recordings._leaves(np.zeros(3, kind), "")
+    assert list(columns) == ["force.x", "force.y", "joints[0]", "joints[1]", "state"]
+    assert all(len(column) == 3 for column in columns.values())
+
+
+def test_a_part_is_read_alone(file: Path) -> None:
+    with rtpm.open(file) as recording:
+        samples = recording["lab/arm0"]
+        whole = [sample.log_time_ns for sample in samples]
+        middle = (whole[-1] - recording.start_ns) / 2e9
+        early, late = samples.between(0, middle), samples.between(middle, 1e9)
+        begin = [sample.log_time_ns for sample in early]
+        assert whole == begin + [sample.log_time_ns for sample in late]
+        assert len(early.array()) == len(begin) > 10
+        assert max(begin) - recording.start_ns < middle * 1e9
+        with pytest.raises(ValueError, match="begin takes a time before end"):
+            samples.between(2, 1)
+
+
+def test_a_schema_that_cannot_be_read_is_told(file: Path, caplog: pytest.LogCaptureFixture) -> None:
+    # Binary schemas lose their identifier, and the summary its checksum: 0 means that it has none.
+    data = file.read_bytes().replace(b"BFBS", b"XXXX")
+    broken = file.with_name("schema.mcap")
+    broken.write_bytes(data[:-12] + bytes(4) + data[-8:])
+    with rtpm.open(broken) as recording:
+        assert isinstance(next(iter(recording["lab.Noted/0"])).value, bytes)
+        assert (
+            "the schema of lab.Noted/0 can't be read, so that its values are bytes" in caplog.text
+        )
 
 
 def test_a_file_that_was_not_ended_is_read_if_asked_for(file: Path, tmp_path: Path) -> None:
