@@ -42,7 +42,7 @@ Vector3Like = Iterable[float]
 #: A local model; `rtpm.Wall` is a Plane.
 Model = Plane | Sphere | Box | Spring | AffineField | Friction | Detents | DialDetents
 
-#: For how many seconds a loop goes on without a sample.
+#: For how many seconds a sample may be late.
 _READ_PATIENCE = 1.0
 
 #: The models' fields in the schema's Model.
@@ -67,6 +67,17 @@ def _models(models: Iterable[Model]) -> bytes:
             raise TypeError(f"a model takes {kinds}, not {type(model).__name__}")
         wrapped.append(device_rtpm.Model(**{field: model}))  # type: ignore[arg-type]
     return schemas.encode(device_rtpm.SetModelsRequest(models=wrapped))
+
+
+def _read(core: _core.Device, priority: int | None = None) -> Sample:
+    """The newest sample. The deadline of one reading is for loops of C++; a busy host exceeds it."""
+    end = time.monotonic() + _READ_PATIENCE
+    while True:
+        try:
+            return Sample.from_buffer_copy(core.read(priority))
+        except TimeoutError:
+            if time.monotonic() > end:
+                raise
 
 
 class Device(Closing):
@@ -121,8 +132,8 @@ class Device(Closing):
         return self.core.url
 
     def read(self, *, priority: int | None = None) -> Sample:
-        """The newest sample."""
-        return Sample.from_buffer_copy(self.core.read(priority))
+        """The newest sample. Raises TimeoutError if there is none within a second."""
+        return _read(self.core, priority)
 
     def command(
         self, *, hold: float | None = None, patience: float = 2.0, take_over: bool = False
@@ -210,14 +221,13 @@ class Tip:
     def loop(self, rate: float = 1000.0, *, pause_gc: bool = False) -> Iterator[Sample]:
         """Yields the newest sample `rate` times a second; late cycles are skipped, counted, and reported at the end.
 
-        A cycle whose sample comes too late is skipped, too; without any for 1 s, Timeout is raised.
+        Cycles whose sample comes too late count so, too; without any for a second, TimeoutError is raised.
 
         Python's threads share one lock, so that a computing thread delays such a loop by milliseconds:
         render() does not know that. pause_gc: holds back garbage collection during the loop, and lets
         threads change more often.
         """
         pacer = _core.Pacer(rate)
-        last_read = time.monotonic()
         interval = sys.getswitchinterval()
         if pause_gc:
             gc.freeze()
@@ -225,14 +235,7 @@ class Tip:
             sys.setswitchinterval(min(interval, 0.0005))
         try:
             while True:
-                try:
-                    sample = Sample.from_buffer_copy(self.core.read(None))
-                except errors.Timeout:
-                    if time.monotonic() - last_read > _READ_PATIENCE:
-                        raise
-                else:
-                    yield sample
-                    last_read = time.monotonic()
+                yield _read(self.core)
                 pacer.wait()
         finally:
             if pause_gc:

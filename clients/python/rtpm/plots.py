@@ -83,7 +83,7 @@ class Plot(endings.Closing):
         self._seconds = seconds
         # A client of its own: reading does not count as a use of the device, which keeps a lease.
         self._client = DeviceClient(device.name, node=device.node)
-        sample = self._client.read()
+        sample = self._client.read(deadline=1.0)
         self._panels = [_panel(field, sample) for field in fields]
         if not self._panels:
             raise ValueError("a plot takes at least one field, such as 'position_m'")
@@ -158,7 +158,7 @@ class Plot(endings.Closing):
         due_s = 0.0
         while not self._ended.wait(self._interval):
             try:
-                self._add(self._client.read())
+                self._add(self._client.read(deadline=1.0))
                 self._problem = ""
             except errors.Error as error:
                 self._problem = str(error)
