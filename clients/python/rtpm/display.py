@@ -13,6 +13,7 @@ from .values import Struct, Table, Vector
 
 if TYPE_CHECKING:
     from .devices import Device
+    from .recordings import Recording
 
 _UNITS = {
     "m": "m",
@@ -170,3 +171,12 @@ def device_html(device: Device) -> str:
     """A device's description: what it measures and takes, with units and limits."""
     facts = ((name, printable(value), unit) for name, value, unit in _facts(device))
     return f"<b>{printable(device.name)}</b>: {printable(device.description.model)}{_rows(facts)}"
+
+
+def recording_html(recording: Recording) -> str:
+    """A recording's topics, with their types and counts."""
+    rows = (
+        (name, printable(topic.type or "no type"), str(topic.count))
+        for name, topic in recording.topics.items()
+    )
+    return f"<b>{printable(recording.path)}</b>: {recording.duration:.1f} s{_rows(rows)}"

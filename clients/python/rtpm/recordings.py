@@ -150,8 +150,9 @@ class Recording(Closing):
     def __init__(self, path: str | os.PathLike[str], *, incomplete: bool = False) -> None:
         """Opens the file; see rtpm.open()."""
         os.stat(path)  # Raises FileNotFoundError or PermissionError.
-        self._path = os.fspath(path)
-        self._core: _core.Recording | None = _core.Recording(self._path, incomplete)
+        #: The file.
+        self.path = os.fspath(path)
+        self._core: _core.Recording | None = _core.Recording(self.path, incomplete)
         self._channels = {entry[0]: _Channel(*entry) for entry in self._core.channels()}
         self._schemas: dict[int, tuple[schemas.Schema, int] | None] = {}
         by_topic: dict[str, list[_Channel]] = {}
@@ -175,7 +176,7 @@ class Recording(Closing):
     def core(self) -> _core.Recording:
         """The extension's recording."""
         if self._core is None:
-            raise errors.Error(f"{self._path} is closed")
+            raise errors.Error(f"{self.path} is closed")
         return self._core
 
     @property
@@ -200,7 +201,7 @@ class Recording(Closing):
         if sampled:
             return Topic(self, name, sampled)
         raise KeyError(
-            f"{self._path} has no topic or samples of a device {name!r}; it has {', '.join(self.topics)}"
+            f"{self.path} has no topic or samples of a device {name!r}; it has {', '.join(self.topics)}"
         )
 
     def __iter__(self) -> Iterator[Recorded]:
@@ -212,7 +213,12 @@ class Recording(Closing):
         self._core = None
 
     def __repr__(self) -> str:
-        return f"<rtpm.Recording {self._path}: {self.duration:.1f} s, {len(self.topics)} topics>"
+        return f"<rtpm.Recording {self.path}: {self.duration:.1f} s, {len(self.topics)} topics>"
+
+    def _repr_html_(self) -> str:
+        from .display import recording_html
+
+        return recording_html(self)
 
     def _ns_of(self, seconds: float) -> int:
         return min(max(self.start_ns + round(seconds * 1e9), 1), _FOREVER_NS)
@@ -236,7 +242,7 @@ class Recording(Closing):
             if problem:
                 _log.warning(
                     "%s: the schema of %s can't be read, so that its values are bytes: %s",
-                    self._path,
+                    self.path,
                     channel.topic,
                     problem,
                 )

@@ -72,6 +72,7 @@ def test_a_recording_tells_what_it_has(file: Path) -> None:
         assert 0 < recording.duration < 60
         assert recording.end_ns - recording.start_ns == pytest.approx(recording.duration * 1e9)
         assert isinstance(recording.metadata, list)
+        assert "lab.Pressed/3" in recording._repr_html_()
         with pytest.raises(
             KeyError, match="no topic or samples of a device 'lab/arm9'; it has lab"
         ):
