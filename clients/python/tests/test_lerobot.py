@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import math
 import subprocess
@@ -79,6 +80,15 @@ def test_feedback_is_a_force_that_ends(teleoperator: Any, node: rtpm.Node) -> No
                     break
                 except rtpm.DeviceError:
                     assert time.monotonic() < end
+
+
+@needs_lerobot
+def test_the_plug_in_is_the_same_class(monkeypatch: pytest.MonkeyPatch) -> None:
+    from rtpm.lerobot import RtpmTeleoperator
+
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "lerobot_plugin"))
+    plug_in = importlib.import_module("lerobot_teleoperator_rtpm")
+    assert plug_in.RtpmTeleoperator is RtpmTeleoperator
 
 
 @needs_lerobot
