@@ -35,9 +35,9 @@ struct HubRecorder::Impl final : events::EventHandler {
     wanted.has_own_thread = true;
     wanted.priority = config.priority;
     wanted.deadline = config.deadline;
+    const std::lock_guard lock(mutex);  // The first events wait until `consumer` is set.
     auto joined = events::Consumer::create(node, config.hub, std::move(wanted), *this);
     if (!joined) return unexpected{joined.error()};
-    const std::lock_guard lock(mutex);
     consumer = std::move(*joined);
     return {};
   }
@@ -45,7 +45,7 @@ struct HubRecorder::Impl final : events::EventHandler {
   void on_events(std::span<const events::EventView> given) override {
     const std::lock_guard lock(mutex);
     // The ring is on the hub's host.
-    const bool is_hub_local = consumer != nullptr && consumer->reads_ring();
+    const bool is_hub_local = consumer->reads_ring();
     for (const events::EventView& event : given) {
       const events::EventDescriptor* const type = types.find(event.header.type);
       lacks_type = lacks_type || (type == nullptr && event.header.type <= events::kEventTypeMax);
