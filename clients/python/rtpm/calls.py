@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import contextvars
+import inspect
 import os
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
@@ -245,12 +246,25 @@ def _documentation(method: dict[str, Any]) -> str:
     return "\n\n".join(text for text in (method["doc"].strip(), " ".join(facts)) if text)
 
 
+def signature_of(method: dict[str, Any], *, has_options: bool) -> inspect.Signature:
+    """A method's signature, for those whose functions take any arguments."""
+    of = inspect.Parameter
+    names = ["self"] if method["request"] is None else ["self", "request"]
+    kind = of.POSITIONAL_OR_KEYWORD if len(names) == 1 else of.POSITIONAL_ONLY
+    parameters = [of(name, kind) for name in names]
+    if has_options:
+        for name in ("priority", "deadline"):
+            parameters.append(of(name, of.KEYWORD_ONLY, default=None))
+    return inspect.Signature(parameters)
+
+
 def set_facts(function: Any, schema: Schema, index: int, method: dict[str, Any], owner: str) -> Any:
     """Gives a client's method its name and documentation."""
     name = method["attribute"]
     function.__name__ = name
     function.__qualname__ = f"{owner}.{name}"
     function.__doc__ = f"{name}{_signature(method, schema)}\n\n{_documentation(method)}".strip()
+    function.__signature__ = signature_of(method, has_options=True)
     function._rtpm_index_ = index
     return function
 

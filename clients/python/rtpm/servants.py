@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from . import _core, endings
-from .calls import Node, default_node, scope
+from .calls import Node, default_node, scope, signature_of
 
 if TYPE_CHECKING:
     from .schemas import Schema
@@ -328,5 +328,6 @@ def _abstract(method: dict[str, Any], owner: str) -> Any:
 
     function.__name__ = method["attribute"]
     function.__qualname__ = f"{owner}.{function.__name__}"
+    function.__signature__ = signature_of(method, has_options=False)  # type: ignore[attr-defined]
     function.__doc__ = method["doc"].strip() or None
     return abc.abstractmethod(function)

@@ -146,17 +146,17 @@ class Vector(Struct):
         """The length."""
         return math.hypot(*self)
 
-    def dot(self: _V, other: _V) -> float:
+    def dot(self, other: Vector) -> float:
         """The scalar product."""
         return math.fsum(a * b for a, b in zip(self, other, strict=True))
 
-    def _each(self: _V, other: Any, operation: Callable[[float, float], float]) -> Any:
+    def _each(self, other: Any, operation: Callable[[float, float], float]) -> Any:
         try:
             if len(other) != len(self):
                 raise ValueError(f"{type(self).__name__} has {len(self)} numbers, not {len(other)}")
         except TypeError:
             return NotImplemented
-        kind: type[_V] = type(self)
+        kind: Any = type(self)
         return kind(*(operation(float(a), float(b)) for a, b in zip(self, other, strict=True)))
 
 
