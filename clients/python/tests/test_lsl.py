@@ -21,6 +21,7 @@ np = pytest.importorskip("numpy")
 # Names what it lacks.
 lsl: Any = pytest.importorskip("rtpm.lsl", exc_type=ImportError)
 
+EXAMPLE = Path(__file__).parents[1] / "examples" / "lsl_bridge.py"
 TEXT = """
 attribute "rtpm_event";
 namespace lab;
@@ -205,6 +206,28 @@ def test_events_are_markers_with_equal_stamps(
     ]
     assert [each["device"] for each in leases] == ["lab/arm0"] * 2
     assert [each["value"]["state"] for each in leases] == [1, 2]
+
+
+def test_lsls_own_inlet_reads_the_example(laboratory: Laboratory) -> None:
+    import pylsl
+
+    with subprocess.Popen(
+        [sys.executable, str(EXAMPLE), "lab/arm0"],
+        stdout=subprocess.PIPE,
+        env=os.environ | {"RTPM_REGISTRY": laboratory.registry.url},
+    ) as child:
+        assert child.stdout is not None and b"LabRecorder" in child.stdout.readline()
+        (info,) = pylsl.resolve_byprop("name", "lab/arm0", timeout=20)
+        inlet = pylsl.StreamInlet(info)
+        rows, stamps = inlet.pull_chunk(timeout=20, max_samples=500)
+        assert len(rows) == 500
+        # A sample per millisecond: the stamps are those of the cycles, not of the chunks.
+        cycles = np.diff([row[-1] for row in rows])
+        assert (cycles >= 1).all()
+        assert np.median(np.diff(stamps) / cycles) == pytest.approx(0.001, rel=0.01)
+        assert 0 < pylsl.local_clock() - stamps[-1] < 20
+        child.send_signal(signal.SIGINT)
+        assert child.wait(20) == 0
 
 
 def test_a_stream_of_another_program_is_an_iterator(source: None) -> None:
