@@ -140,6 +140,7 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_common_options(*program, context);
   add_list(*program, context);
   add_info(*program, context);
+  add_stubs(*program, context);
   add_find(*program, context);
   add_watch(*program, context);
   add_bind(*program, context);

@@ -9,6 +9,7 @@ namespace rtpm::tool {
 
 void add_list(CLI::App& program, Context& context);
 void add_info(CLI::App& program, Context& context);
+void add_stubs(CLI::App& program, Context& context);
 void add_find(CLI::App& program, Context& context);
 void add_bind(CLI::App& program, Context& context);
 void add_unbind(CLI::App& program, Context& context);
