@@ -51,7 +51,9 @@ def run_trials(tip: rtpm.Tip, is_person: bool) -> tuple[list[tuple[float, bool]]
         first, second = (touch(tip, samples, wall) * random.gauss(1, WEBER) for wall in walls)
         if is_person:
             tip.set_models()
-            is_first = input("Which was stiffer, 1 or 2? ").strip() == "1"
+            while (answer := input("Which was stiffer, 1 or 2? ")) not in ("1", "2"):
+                pass
+            is_first = answer == "1"
         else:
             is_first = first > second
         is_right = is_first == (walls[0] > walls[1])
@@ -100,6 +102,10 @@ def main() -> None:
         # A person may take a minute to answer; without that, half a second of silence ends the lease.
         arm = stack.enter_context(rtpm.device("lab/arm0", stall=60 if options.person else 0.5))
         tip = stack.enter_context(arm.command())
+        if options.person:
+            print(
+                "Press on each wall once from above, and lift the hand: two to begin with, then pairs"
+            )
         trials, reversals = run_trials(tip, options.person)
     threshold = statistics.geometric_mean(reversals[4:])
     print(

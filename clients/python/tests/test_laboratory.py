@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import rtpm
@@ -90,6 +91,15 @@ def test_missing_programs_are_named_with_the_remedy(
 ) -> None:
     monkeypatch.setenv("RTPM_PROGRAMS", str(tmp_path))
     with pytest.raises(rtpm.SetupError, match=r"rtpm is not in .*pip install rtpm\[demo\]"):
+        rtpm.demo()
+    # Without that folder, those of the package rtpm-programs are used, else those in PATH.
+    monkeypatch.delenv("RTPM_PROGRAMS")
+    monkeypatch.setitem(sys.modules, "rtpm_programs", SimpleNamespace(FOLDER=tmp_path / "bin"))
+    with pytest.raises(rtpm.SetupError, match=f"rtpm is not in {tmp_path}/bin"):
+        rtpm.demo()
+    monkeypatch.setitem(sys.modules, "rtpm_programs", None)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(rtpm.SetupError, match="rtpm is not in PATH"):
         rtpm.demo()
 
 
