@@ -99,7 +99,7 @@ class Laboratory:
     def _await(self) -> None:
         assert self._guard is not None and self._guard.stdout is not None
         text = line = ""
-        while not (line := self._guard.stdout.readline()).startswith("= "):
+        while (line := self._guard.stdout.readline()) and not line.startswith("= "):
             text += line
         log = self._log()
         if line != "= 0\n":
@@ -113,7 +113,7 @@ class Laboratory:
 
     def _log(self) -> str:
         file = self.folder / "rtpm" / "demo.log"
-        return file.read_text() if file.exists() else ""
+        return file.read_text("utf-8", "replace") if file.exists() else ""
 
     def start(self, program: str, *arguments: str | os.PathLike[str]) -> subprocess.Popen[str]:
         """Starts a program of RTPM in this laboratory, such as `lab.start("rtpm", "record", "run.mcap")`."""
