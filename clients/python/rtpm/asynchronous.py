@@ -121,6 +121,17 @@ async def connect_async(target: str, *, node: Node | None = None) -> AsyncClient
     return await bind(schemas.schema_of(text).async_clients[service], target, node=node)
 
 
+async def _start(loop: asyncio.AbstractEventLoop, call: _core.PreparedCall) -> None:
+    """Starts a call that may have to open a channel, for which the loop must not wait."""
+    started = loop.run_in_executor(None, call.start)
+    # Its exception is of no interest once the task is gone.
+    started.add_done_callback(lambda ended: ended.cancelled() or ended.exception())
+    done, _ = await asyncio.wait((started,), timeout=call.seconds_left)
+    if not done:
+        call.time_out()
+    started.result()
+
+
 async def _call(
     binding: _core.Binding, index: int, request: Any, priority: Any, deadline: Any
 ) -> Any:
@@ -136,7 +147,11 @@ async def _call(
         else:
             future.set_exception(error)
 
-    number = calls.begin(binding, index, request, priority, deadline, scope.get(), done)
+    begun = calls.begin(binding, index, request, priority, deadline, scope.get(), done)
+    if isinstance(begun, _core.PreparedCall):
+        await _start(loop, begun)
+        begun = calls.add(begun, done)
+    number = cast(int, begun)
     try:
         return await future
     except asyncio.CancelledError:

@@ -85,17 +85,18 @@ rpc::CallOptions Binding::options(std::size_t index, std::optional<int> priority
   options.trace_id = scope->trace_id;
   if (!priority) options.priority = scope->priority;
   if (!deadline && scope->deadline != kNever) {
-    options.deadline = std::max(scope->deadline - rt::now(), Duration{0});
-    const rpc::MethodDescriptor& facts = interface_.methods[index];
-    const Duration usual = facts.default_deadline > Duration{0}
-                               ? facts.default_deadline
-                               : node_->node.config().default_deadline;
+    const Duration left = std::max(scope->deadline - rt::now(), Duration{0});
     // A stream has no deadline of its own.
-    if (!scope->replaces_deadlines && !method(index).is_stream) {
-      options.deadline = std::min(*options.deadline, usual);
-    }
+    const bool is_whole = scope->replaces_deadlines || method(index).is_stream;
+    options.deadline = is_whole ? left : std::min(left, deadline_of(index, {}));
   }
   return options;
+}
+
+Duration Binding::deadline_of(std::size_t index, const rpc::CallOptions& options) const {
+  if (options.deadline) return *options.deadline;
+  const Duration usual = interface_.methods[index].default_deadline;
+  return usual > Duration{0} ? usual : node_->node.config().default_deadline;
 }
 
 nb::object Binding::call(std::size_t index, nb::handle request, std::optional<int> priority,
@@ -146,10 +147,9 @@ std::unique_ptr<Stream> Binding::open_stream(std::size_t index, nb::handle reque
   return std::make_unique<Stream>(nb::find(this), *this, index, std::move(*reader));
 }
 
-expected<rpc::PendingReply, rpc::CallError> Binding::start(std::size_t index, nb::handle request,
+expected<rpc::PendingReply, rpc::CallError> Binding::start(std::size_t index, ConstBytes request,
                                                            const rpc::CallOptions& options) {
-  const auto bytes = schema_.codec().encode(method(index).request, request);
-  return binding_->begin(interface_.methods[index], bytes, options);
+  return binding_->begin(interface_.methods[index], request, options);
 }
 
 void Binding::fail(std::size_t index, rpc::CallError error) {

@@ -2,11 +2,14 @@
 
 #include <nanobind/nanobind.h>
 
+#include <cstddef>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "forking.hpp"
 #include "node.hpp"
@@ -23,6 +26,12 @@ struct CallScope {
   /// The deadline replaces those of the methods, instead of only shortening them.
   bool replaces_deadlines = false;
   std::uint64_t trace_id = 0;
+};
+
+/// The channels of event loops' calls at one priority.
+struct Channels {
+  std::size_t used_count = 0;
+  std::size_t open_count = 0;  ///< The most that were in use at once since one was lost.
 };
 
 /// @errors raises ValueError, with the range
@@ -59,10 +68,17 @@ class Binding {
   [[nodiscard]] rpc::CallOptions options(std::size_t index, std::optional<int> priority,
                                          std::optional<double> deadline,
                                          const CallScope* scope) const;
-  /// Sends a call without waiting.
+  [[nodiscard]] std::vector<std::byte> encode(std::size_t index, nanobind::handle request) const {
+    return schema_.codec().encode(method(index).request, request);
+  }
+  /// Sends a call, and does not wait for its reply. If no channel is open that is free, it opens one
+  /// first, which may take until the deadline.
+  /// @threads any
   [[nodiscard]] expected<rpc::PendingReply, rpc::CallError> start(std::size_t index,
-                                                                  nanobind::handle request,
+                                                                  ConstBytes request,
                                                                   const rpc::CallOptions& options);
+  /// How long a call of the method lasts at most.
+  [[nodiscard]] Duration deadline_of(std::size_t index, const rpc::CallOptions& options) const;
 
   [[nodiscard]] const schema::Method& method(std::size_t index) const {
     return service_.methods.at(index);
@@ -71,6 +87,10 @@ class Binding {
     return schema_.codec().decode(method(index).reply, reply);
   }
   [[noreturn]] void fail(std::size_t index, rpc::CallError error);
+
+  [[nodiscard]] Channels& channels_of(const rpc::CallOptions& options) {
+    return channels_[options.priority ? int{options.priority->value()} : -1];
+  }
 
   [[nodiscard]] std::string url() const;
   [[nodiscard]] std::string_view transport() const noexcept;
@@ -93,6 +113,7 @@ class Binding {
   Unforked<rpc::Binding> binding_{};
   /// The last call succeeded, through shared memory.
   bool is_quick_ = false;
+  std::map<int, Channels> channels_{};  ///< By priority; -1 is the default.
 };
 
 }  // namespace rtpm::python

@@ -7,8 +7,10 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "binding.hpp"
 #include "errors.hpp"
@@ -23,6 +25,54 @@ using namespace nb::literals;
 namespace rtpm::python {
 namespace {
 
+bool is_connection_lost(rpc::CallError error) noexcept {
+  return error == rpc::CallError::kTimeout || error == rpc::CallError::kDisconnected ||
+         error == rpc::CallError::kPeerRestarted || error == rpc::CallError::kUnreachable;
+}
+
+/// A call of an event loop that may have to open a channel, for which the loop must not wait.
+/// @ownership keeps its binding
+class PreparedCall {
+ public:
+  PreparedCall(nb::object binding, std::size_t index, std::vector<std::byte> request,
+               const rpc::CallOptions& options)
+      : binding_(std::move(binding)),
+        bound_(nb::cast<Binding&>(binding_)),
+        index_(index),
+        request_(std::move(request)),
+        options_(options),
+        deadline_(deadline_after(bound_.deadline_of(index, options), rt::now())) {}
+
+  /// Opens the channel and sends the call.
+  /// @threads  any, with the GIL
+  /// @errors   raises those of Binding::start()
+  void start() {
+    options_.deadline = std::max(deadline_ - rt::now(), Duration{0});
+    {
+      const Released released;
+      begun_.reset(new Begun(bound_.start(index_, request_, options_)));
+    }
+    if (!*begun_) fail(begun_->error());
+  }
+  [[nodiscard]] double seconds_left() const {
+    return std::chrono::duration<double>(std::max(deadline_ - rt::now(), Duration{0})).count();
+  }
+  [[noreturn]] void fail(rpc::CallError error) {
+    raise(error, bound_.method(index_).name, bound_.target());
+  }
+
+ private:
+  friend class AsyncCalls;
+  using Begun = expected<rpc::PendingReply, rpc::CallError>;
+  nb::object binding_;
+  Binding& bound_;
+  std::size_t index_;
+  std::vector<std::byte> request_;
+  rpc::CallOptions options_;
+  MonotonicTime deadline_;
+  Unforked<Begun> begun_{};
+};
+
 /// Calls whose ends an event loop of Python waits for, by one descriptor.
 /// @threads   that of the loop, with the GIL
 class AsyncCalls {
@@ -35,27 +85,47 @@ class AsyncCalls {
   void cancel(rpc::CallNumber number) { completions_->cancel(number); }
 
   /// Sends a call; `done` gets the reply and None, or None and the exception, in poll(). Returns the
-  /// call's number for cancel().
-  rpc::CallNumber begin(nb::object binding, std::size_t index, nb::handle request,
-                        std::optional<int> priority, std::optional<double> deadline,
-                        const CallScope* scope, nb::object done) {
+  /// call's number for cancel(), or a PreparedCall for another thread to start and then for add().
+  nb::object begin(nb::object binding, std::size_t index, nb::handle request,
+                   std::optional<int> priority, std::optional<double> deadline,
+                   const CallScope* scope, nb::object done) {
     auto& bound = nb::cast<Binding&>(binding);
-    auto begun = bound.start(index, request, bound.options(index, priority, deadline, scope));
-    return completions_->then(std::move(begun), [&bound, keep = std::move(binding), index,
-                                                 done = std::move(done)](const auto& reply) {
+    const rpc::CallOptions options = bound.options(index, priority, deadline, scope);
+    auto bytes = bound.encode(index, request);
+    const Channels& channels = bound.channels_of(options);
+    if (channels.used_count >= channels.open_count) {
+      return nb::cast(
+          std::make_unique<PreparedCall>(std::move(binding), index, std::move(bytes), options));
+    }
+    auto begun = bound.start(index, bytes, options);
+    return nb::cast(add(std::move(binding), index, options, std::move(begun), std::move(done)));
+  }
+  rpc::CallNumber add(PreparedCall& call, nb::object done) {
+    return add(call.binding_, call.index_, call.options_, std::move(*call.begun_), std::move(done));
+  }
+
+ private:
+  rpc::CallNumber add(nb::object binding, std::size_t index, const rpc::CallOptions& options,
+                      expected<rpc::PendingReply, rpc::CallError> begun, nb::object done) {
+    auto& bound = nb::cast<Binding&>(binding);
+    Channels& channels = bound.channels_of(options);
+    channels.open_count = std::max(channels.open_count, ++channels.used_count);
+    return completions_->then(std::move(begun), [&bound, &channels, keep = std::move(binding),
+                                                 index, done = std::move(done)](const auto& reply) {
+      --channels.used_count;
       try {
         if (reply) {
           done(bound.decode(index, reply->bytes()), nb::none());
-        } else {
-          done(nb::none(), exception_of(reply.error(), bound.method(index).name, bound.target()));
+          return;
         }
+        if (is_connection_lost(reply.error())) channels.open_count = 0;
+        done(nb::none(), exception_of(reply.error(), bound.method(index).name, bound.target()));
       } catch (nb::python_error& error) {
         error.discard_as_unraisable("rtpm.AsyncCalls");
       }
     });
   }
 
- private:
   Unforked<rpc::Completions> completions_{new rpc::Completions};
 };
 
@@ -96,13 +166,19 @@ void define_calls(nb::module_& module) {
       .def("next", &Stream::next, "timeout"_a.none())
       .def("try_next", &Stream::try_next)
       .def("cancel", &Stream::cancel);
+  nb::class_<PreparedCall>(module, "PreparedCall")
+      .def("start", &PreparedCall::start)
+      .def_prop_ro("seconds_left", &PreparedCall::seconds_left)
+      .def("time_out", [](PreparedCall& self) { self.fail(rpc::CallError::kTimeout); });
   nb::class_<AsyncCalls>(module, "AsyncCalls")
       .def(nb::init<>())
       .def("fileno", &AsyncCalls::descriptor)
       .def("poll", &AsyncCalls::poll)
       .def("cancel", &AsyncCalls::cancel, "number"_a)
       .def("begin", &AsyncCalls::begin, "binding"_a, "method"_a, "request"_a.none(),
-           "priority"_a.none(), "deadline"_a.none(), "scope"_a.none(), "done"_a);
+           "priority"_a.none(), "deadline"_a.none(), "scope"_a.none(), "done"_a)
+      .def("add", nb::overload_cast<PreparedCall&, nb::object>(&AsyncCalls::add), "call"_a,
+           "done"_a);
 }
 
 }  // namespace rtpm::python

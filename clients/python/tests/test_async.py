@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -79,3 +82,47 @@ def test_an_object_is_connected_to_within_a_loop(lab: Any, served: Any, node: rt
             return x
 
     assert asyncio.run(run()) == -1
+
+
+SERVER = """
+import sys; sys.path.insert(0, sys.argv[1])
+import rtpm, test_contexts
+with rtpm.serve({"test/other": test_contexts.Rest()}, node=rtpm.Node("host"), named=False) as server:
+    print(server.url("test/other"), flush=True)
+    server.wait()
+"""
+
+
+def test_a_stopped_server_does_not_hold_up_the_loop(lab: Any, laboratory: Any) -> None:  # noqa: F811
+    server = subprocess.Popen(
+        [sys.executable, "-c", SERVER, os.path.dirname(__file__)], stdout=subprocess.PIPE, text=True
+    )
+    assert server.stdout is not None
+
+    async def run(url: str) -> None:
+        turns = 0
+
+        async def work() -> None:
+            nonlocal turns
+            while True:
+                await asyncio.sleep(0.001)
+                turns += 1
+
+        client = await rtpm.bind(lab.EchoAsyncClient, url, node=rtpm.Node("host"))
+        await client.total()
+        other = asyncio.create_task(work())
+        server.send_signal(signal.SIGSTOP)
+        # Each needs a channel of its own.
+        calls = [client.total(deadline=0.2) for _ in range(4)]
+        ended = await asyncio.gather(*calls, return_exceptions=True)
+        assert all(isinstance(end, rtpm.CallError) for end in ended), ended
+        assert turns > 4
+        server.send_signal(signal.SIGCONT)
+        assert (await client.total(deadline=5)).count == 0
+        other.cancel()
+
+    try:
+        asyncio.run(run(server.stdout.readline().strip()))
+    finally:
+        server.kill()
+        server.wait()
