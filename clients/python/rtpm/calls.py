@@ -8,7 +8,7 @@ import inspect
 import os
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NoReturn, TypeVar, cast
 
 from . import _core, errors
 from .endings import Closing
@@ -32,7 +32,16 @@ def _note_fork() -> None:
 os.register_at_fork(after_in_child=_note_fork)
 
 
-class Node:
+class _Handle:
+    """Belongs to one process."""
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(
+            "an rtpm.Node, and what was opened with it, belong to one process; pass the name, and open it there"
+        )
+
+
+class Node(_Handle):
     """This program's side of all calls: where names are looked up, and its identity."""
 
     def __init__(
@@ -123,7 +132,7 @@ def calling(
         scope.reset(token)
 
 
-class _Bound:
+class _Bound(_Handle):
     """The common part of clients: a bound object of a server."""
 
     _rtpm_schema_: ClassVar[Any] = None
@@ -186,8 +195,8 @@ class Stream(Closing, Generic[_Item]):
     """The items that answer a call, as an iterator. The server waits for a slow reader."""
 
     def __init__(self, core: _core.Stream, node: Node) -> None:
-        self._core = core
         self._node = node
+        self._core = core
 
     def __iter__(self) -> Iterator[_Item]:
         return self

@@ -126,3 +126,21 @@ def test_a_stopped_server_does_not_hold_up_the_loop(lab: Any, laboratory: Any) -
     finally:
         server.kill()
         server.wait()
+
+
+def test_waiting_does_not_poll(lab: Any, client: Any) -> None:  # noqa: F811
+    class Loop(asyncio.SelectorEventLoop):
+        turns = 0
+
+        def _run_once(self) -> None:
+            self.turns += 1
+            super()._run_once()  # type: ignore[misc]
+
+    loop = Loop()
+    try:
+        loop.run_until_complete(client.total(deadline=5))
+        loop.turns = 0
+        loop.run_until_complete(client.later(lab.Text(count=500), deadline=20))
+        assert loop.turns < 20
+    finally:
+        loop.close()

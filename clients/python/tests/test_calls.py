@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
+import socket
 import threading
 import time
 from typing import Any
@@ -73,8 +75,6 @@ def test_a_closed_client_says_so(node: rtpm.Node) -> None:
 
 def test_ctrl_c_ends_a_wait(node: rtpm.Node) -> None:
     # A port that takes datagrams and answers none.
-    import socket
-
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
         silent.bind(("127.0.0.1", 0))
         url = f"rtpm://127.0.0.1:{silent.getsockname()[1]}/x"
@@ -107,6 +107,30 @@ def test_threads_call_at_the_same_time(arm: Any) -> None:
     for thread in threads:
         thread.join()
     assert len(counts) == 8
+
+
+def test_other_threads_run_during_a_wait(node: rtpm.Node) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
+        silent.bind(("127.0.0.1", 0))
+        url = f"rtpm://127.0.0.1:{silent.getsockname()[1]}/x"
+
+        def wait() -> None:
+            with pytest.raises(rtpm.Error):
+                rtpm.device(url, node=node, patience=0.2)
+
+        waiting = threading.Thread(target=wait)
+        waiting.start()
+        count = 0
+        while waiting.is_alive():
+            count += 1
+        assert count > 1000
+
+
+def test_handles_do_not_pickle_and_say_why(node: rtpm.Node, arm: Any) -> None:
+    with rtpm.device("lab/arm0", node=node) as device, rtpm.events(node=node) as events:
+        for handle in (node, arm, device, events):
+            with pytest.raises(TypeError, match="pass the name, and open it there"):
+                pickle.dumps(handle)
 
 
 def in_child(arm: Any, answers: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import pickle
 from typing import Any
 
@@ -248,3 +249,13 @@ def test_a_table_that_contains_itself_is_refused(lab: Any) -> None:
 def test_a_text_that_is_no_schema_is_refused() -> None:
     with pytest.raises(ValueError, match="the schema can't be read"):
         schemas.Schema("table {")
+
+
+def test_views_outlive_their_message(lab: Any) -> None:
+    numbers = np.arange(10_000.0)
+    back = through_the_wire(lab, lab.Everything(title="t", numbers=numbers, force=lab.Force(z=7)))
+    view, force = np.asarray(back.numbers), np.asarray(back.force)
+    del back
+    gc.collect()
+    others = [through_the_wire(lab, everything(lab)) for _ in range(100)]
+    assert np.array_equal(view, numbers) and force["z"] == 7 and len(others) == 100
