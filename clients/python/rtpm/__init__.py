@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ._core import version as __version__
 from .asynchronous import AsyncClient, AsyncStream, bind, connect_async
 from .calls import Client, Node, Stream, calling, close, connect, many, transport_of, url_of
@@ -58,8 +60,6 @@ from .events import (
     silence,
     supplier,
 )
-from .laboratory import Laboratory, demo
-from .plots import Plot, plot
 from .recordings import Recorded, Recording, Topic, open
 from .servants import Call, Refusal, Servant, Server, current_call, serve
 from .values import Buffer, Event, Struct, Table, Vector, replace
@@ -84,6 +84,30 @@ from .idl.device_rtpm import (  # isort: skip
 )
 
 Wall = Plane
+
+# Few programs need these: they are imported when they are first used.
+if TYPE_CHECKING:
+    from .laboratory import Laboratory, demo
+    from .plots import Plot, plot
+else:
+
+    def __getattr__(name):
+        module = {
+            "Laboratory": "laboratory",
+            "demo": "laboratory",
+            "Plot": "plots",
+            "plot": "plots",
+        }
+        if name not in module:
+            raise AttributeError(f"module 'rtpm' has no attribute {name!r}")
+        from importlib import import_module
+
+        globals()[name] = getattr(import_module(f".{module[name]}", __name__), name)
+        return globals()[name]
+
+    def __dir__():
+        return sorted({*globals(), *__all__})
+
 
 __all__ = [
     "__version__",

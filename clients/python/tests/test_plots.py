@@ -104,7 +104,9 @@ def test_elsewhere_it_is_shown_in_a_window(
 def test_the_package_needs_none_of_the_plotting_packages() -> None:
     code = (
         "import sys, rtpm\n"
-        "assert not {'numpy', 'pandas', 'matplotlib', 'IPython'} & set(sys.modules)"
+        "assert not {'numpy', 'pandas', 'matplotlib', 'IPython', 'rtpm.plots'} & set(sys.modules)\n"
+        "assert {'demo', 'plot', 'Plot', 'device'} < set(dir(rtpm))\n"
+        "assert rtpm.plot.__module__ == 'rtpm.plots'\n"
     )
     assert subprocess.run([sys.executable, "-c", code], timeout=30).returncode == 0
 
