@@ -1,9 +1,8 @@
-"""Stubs tell the truth, and pyright finds what mypy finds."""
+"""Pyright accepts what mypy accepts, and finds what it finds."""
 
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from collections import defaultdict
@@ -14,21 +13,6 @@ import rtpm
 from test_generated import HERE, SOURCES, folder  # noqa: F401
 
 PACKAGE = Path(rtpm.__file__).parent
-
-
-def test_stubs_match_the_modules() -> None:
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "mypy.stubtest", "rtpm", "--concise"),
-            *("--mypy-config-file", SOURCES / "pyproject.toml"),
-            *("--allowlist", HERE / "stubtest_allowed.txt"),
-        ],
-        capture_output=True,
-        text=True,
-        env=os.environ | {"MYPYPATH": str(PACKAGE.parent)},
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_pyright_agrees(folder: Path, tmp_path: Path) -> None:  # noqa: F811
@@ -45,6 +29,7 @@ def test_pyright_agrees(folder: Path, tmp_path: Path) -> None:  # noqa: F811
                 "include": [str(path) for path in included],
                 "extraPaths": [str(PACKAGE.parent), str(folder)],
                 "typeCheckingMode": "standard",
+                "reportMissingImports": False,  # Adapters import packages that may be missing.
                 "pythonVersion": "3.10",
             }
         )
