@@ -5,6 +5,9 @@ device gets a wall with the spring's stiffness. The device's own loop renders it
 stays stiff although Python only moves it.
 """
 
+# MuJoCo has no types.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import argparse

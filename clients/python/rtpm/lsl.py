@@ -286,7 +286,8 @@ def markers(
     """Offers events of `hub` as an LSL stream of markers, until it is closed.
 
     where: as rtpm.events() takes it; all but samples by default. text: makes a marker of an event;
-    marker_of() by default. The stream's name is `name`.
+    marker_of() by default. The stream's name is `name`. Its description's bound of the stamps' error
+    holds for events of programs on the hub's host.
     """
     node = node or default_node()
     chosen = filter_of(where) if where is not None else ~filter_of(Sampled)
