@@ -34,7 +34,7 @@ def daemon(work, count=1):
     time.sleep(0.1)
 
 def acquired():
-    return rtpm.device("lab/arm0", node=node, patience=20).command(patience=20)
+    return rtpm.device("lab/arm0", node=node, patience=20, stall=60).command(patience=20)
 
 silent = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)  # Takes requests and answers none.
 silent.bind(("127.0.0.1", 0))
@@ -171,7 +171,7 @@ async def work():
     while True: await client.at_once(Text(), deadline=5)
 def run():
     try: asyncio.run(work())
-    except rtpm.CallError: pass  # The server has ended.
+    except (rtpm.CallError, RuntimeError): pass  # The server or asyncio's threads have ended.
 daemon(run, 2)
 """
     ),
@@ -235,16 +235,16 @@ time.sleep(0.1)
     "with an exception of a callback": Ending(
         ECHO
         + """
-def done(reply, error):
+def done(task):
     raise KeyError(7)
-calls = rtpm._core.AsyncCalls()
-calls.begin(echo._rtpm_binding_, 0, Text(), None, 5.0, None, done)
-import select
-select.select([calls.fileno()], [], [], 5)
-calls.poll()
+async def work():
+    client = lab["EchoAsyncClient"](server.url("x"), node=node)
+    call = asyncio.ensure_future(client.at_once(Text(), deadline=10))
+    call.add_done_callback(done)
+    await call
+asyncio.run(work())
 """,
-        0,
-        r"(Exception ignored in.*\n)(.*\n)*KeyError: 7\n",
+        error=r"Exception in callback (.*\n)+KeyError: 7\n",
     ),
     "with a stream half read": Ending(
         ECHO + "items = echo.count_up(Text(), deadline=60)\nnext(items)"
@@ -335,14 +335,14 @@ noted = rtpm.supplier(lab["Noted"], node=node)
 clients = [lab["EchoClient"](server.url("x"), node=rtpm.Node(transport=way)) for way in ("udp", "tcp", "shm")]
 streams = [client.count_up(Text(), deadline=60) for client in clients]
 assert [next(items).count for items in streams] == [0, 0, 0]
-calls = rtpm._core.AsyncCalls()
-replies = []
-calls.begin(clients[0]._rtpm_binding_, 1, Text(count=200), None, 5.0, None, lambda *reply: replies.append(reply))
-calls.fileno()
+loop = asyncio.new_event_loop()
+others = lab["EchoAsyncClient"](server.url("x"), node=rtpm.Node(transport="udp"))
+call = loop.create_task(others.wait(Text(count=200), deadline=10))
+loop.run_until_complete(asyncio.sleep(0.1))
 tip = acquired()
 child = os.fork()
 if child == 0:
-    del events, noted, clients, streams, calls, echo, arm, server, tip
+    del events, noted, clients, streams, others, echo, arm, server, tip
     gc.collect()
     node = rtpm.Node(sys.argv[1])
     rtpm.connect("lab/arm0", node=node).read(deadline=10)
@@ -351,10 +351,7 @@ assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
 assert [next(items).count for items in streams] == [1, 1, 1]
 assert [client.at_once(Text(count=3), deadline=10).count for client in clients] == [3, 3, 3]
 tip.force = (0, 0, 0)
-import select
-assert select.select([calls.fileno()], [], [], 5)[0]
-calls.poll()
-assert replies[0][0].count == 200
+assert loop.run_until_complete(call).count == 200
 events.next(5)
 noted.push(lab["Noted"]())
 """
@@ -394,7 +391,10 @@ def ended(
         program = folder / f"{name.replace(' ', '_')}.py"
         program.write_text(BEFORE + ending.before + ending.code)
         return subprocess.run(
-            [sys.executable, program, laboratory.registry.url, program.with_suffix(".mcap")],
+            [
+                *(sys.executable, "-W", "ignore:This process:DeprecationWarning"),  # Of fork().
+                *(program, laboratory.registry.url, program.with_suffix(".mcap")),
+            ],
             capture_output=True,
             text=True,
             timeout=40,
