@@ -172,37 +172,42 @@ class EventType:
 class Received:
     """An event that was received."""
 
-    __slots__ = (
-        "_events",
-        "_payload",
-        "_type",
-        "_value",
-        "is_replayed",
-        "priority",
-        "sequence",
-        "source",
-        "time_ns",
-        "type_number",
-    )
+    __slots__ = ("_event", "_events", "_type", "_value")
 
     def __init__(self, events: Events, event: _Event) -> None:
-        (
-            self.type_number,
-            schema_id,
-            #: When it happened, on the clock of time.monotonic_ns().
-            self.time_ns,
-            self.source,
-            self.sequence,
-            #: That of its supplier.
-            self.priority,
-            #: Whether it is older than the subscription.
-            self.is_replayed,
-            self._payload,
-        ) = event
+        self._event = event
         self._events = events
-        self._type = events._types.get((self.type_number, schema_id)) or events._type_of(
-            self.type_number, schema_id
-        )
+        self._type = events._types.get(event[:2]) or events._type_of(event[0], event[1])
+
+    @property
+    def type_number(self) -> int:
+        """The type's number in its schema; that of a timeout if `is_timeout`."""
+        return self._event[0]
+
+    @property
+    def time_ns(self) -> int:
+        """When it happened, on the clock of time.monotonic_ns()."""
+        return self._event[2]
+
+    @property
+    def source(self) -> int:
+        """Which supplier of the type sent it, by the number that it gave."""
+        return self._event[3]
+
+    @property
+    def sequence(self) -> int:
+        """Its number among those of its supplier, type and source, from 1."""
+        return self._event[4]
+
+    @property
+    def priority(self) -> int:
+        """That of its supplier."""
+        return self._event[5]
+
+    @property
+    def is_replayed(self) -> bool:
+        """Whether it is older than the subscription."""
+        return self._event[6]
 
     @property
     def type(self) -> _EventClass | None:
@@ -227,7 +232,8 @@ class Received:
     def value(self) -> Any:
         """The payload: the event's struct if it has nothing else, else the event; bytes without a schema."""
         if not hasattr(self, "_value"):
-            self._value = self._type.decode(self._payload) if self._type else self._payload
+            payload = self._event[7]
+            self._value = self._type.decode(payload) if self._type else payload
         return self._value
 
     @property
@@ -444,10 +450,12 @@ class Events(endings.Closing):
         return self
 
     def __next__(self) -> Any:
-        core = self._open_core()
+        core = self._core
         if core is None:
             raise StopIteration
-        return self._received(core.next(None))
+        self._node.check()
+        delivery = core.next(None)
+        return Received(self, delivery) if type(delivery) is tuple else self._received(delivery)
 
     def next(self, timeout: float | None = None) -> Any:
         """The next event, or the tuple of a conjunction. Raises rtpm.Timeout if none arrives in time."""

@@ -28,9 +28,12 @@ events::ConsumerConfig config_of(const SubscriptionSettings& settings) {
   config.delivery = settings.delivery;
   config.delivery.when_full =
       settings.keeps_latest ? events::QueuePolicy::kKeepLatest : events::QueuePolicy::kDropOldest;
+  // As many as arrive while the consumer's thread pauses; on_events() keeps to the program's limit.
+  constexpr std::uint32_t kCapacityMin = 64;
   config.delivery.queue_capacity =
-      std::min(settings.queue_capacity,
-               settings.keeps_latest ? events::kLatestQueueCapacityMax : events::kQueueCapacityMax);
+      settings.keeps_latest
+          ? std::min(settings.queue_capacity, events::kLatestQueueCapacityMax)
+          : std::clamp(settings.queue_capacity, kCapacityMin, events::kQueueCapacityMax);
   for (const auto& type : settings.types)
     config.types.push_back(&type->descriptor);
   return config;
