@@ -100,12 +100,15 @@ void Completions::complete(Entry& entry) {
   ended->complete();
 }
 
-// Moves the alarm only if it is too late or has gone off: one that is too early costs less.
+// Moves the alarm only if it is too late, or has gone off with nothing due: one that is too early
+// costs less, and one that has gone off stays readable.
 void Completions::set_alarm() noexcept {
   MonotonicTime next = kNever;
   for (const std::unique_ptr<Entry>& entry : open_)
     next = std::min(next, entry->due_);
-  if (!merged_ || (next >= alarm_ && rt::now() < alarm_)) return;
+  const MonotonicTime now = rt::now();
+  const bool is_right = alarm_ <= now ? next <= now : next >= alarm_;
+  if (!merged_ || is_right) return;
   alarm_ = next;
   merged_->set_alarm(alarm_);
 }
