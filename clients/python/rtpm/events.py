@@ -705,7 +705,10 @@ class Supplier(endings.Closing, Generic[_E]):
         )
 
     def push_many(self, many: Iterable[_E | Struct], *, source: int | None = None) -> None:
-        """Pushes many events in few messages; of structs also as a buffer, such as a structured array."""
+        """Pushes many events in few messages; of structs also as a buffer, such as a structured array.
+
+        Does not wait for subscribers: one that takes them too slowly loses the oldest, and counts them.
+        """
         source = self._source if source is None else source
         kind = self._type.struct
         if kind is None:

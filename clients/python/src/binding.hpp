@@ -19,7 +19,7 @@
 
 namespace rtpm::python {
 
-/// What calls inherit that give no priority, deadline or trace of their own.
+/// Inherited by calls that give no priority, deadline or trace of their own.
 struct CallScope {
   std::optional<Priority> priority{};
   MonotonicTime deadline = kNever;

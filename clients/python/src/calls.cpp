@@ -129,7 +129,7 @@ class AsyncCalls {
   Unforked<rpc::Completions> completions_{new rpc::Completions};
 };
 
-/// What calls inherit within a scope that has a priority or a deadline, inside `outer`.
+/// A scope with a priority, a deadline or a trace, inside `outer`.
 std::unique_ptr<CallScope> make_scope(std::optional<int> priority, std::optional<double> seconds,
                                       std::optional<std::uint64_t> trace_id,
                                       const CallScope* outer) {
