@@ -251,17 +251,29 @@ def test_deliveries_are_thinned_out(hub: str, node: rtpm.Node) -> None:
 
 def test_the_latest_value_is_replayed(hub: str, node: rtpm.Node) -> None:
     with rtpm.supplier(Touched, hub=hub, node=node) as touched:
-        # The hub keeps what arrives while somebody subscribes with replay, or has.
-        with rtpm.events(Touched, hub=hub, node=node, replay=1) as events:
-            touched.push(touch(1))
+        with rtpm.events(Touched, hub=hub, node=node) as events:
+            touched.push_many([touch(0), touch(1)])
             touched.push(touch(2), source=4)
-            assert {events.next(5).value.z for _ in range(2)} == {1, 2}
+            assert [events.next(5).value.z for _ in range(3)] == [0, 1, 2]
         with rtpm.events(Touched, hub=hub, node=node, replay=1) as events:
             late = [events.next(5) for _ in range(2)]
             assert {(event.source, event.value.z, event.is_replayed) for event in late} == {
                 (0, 1, True),
                 (4, 2, True),
             }
+
+
+def test_fields_may_have_any_name(hub: str, node: rtpm.Node) -> None:
+    text = """attribute "rtpm_event"; namespace lab;
+    table Named (rtpm_event: 7004) { type_number:int; schema_id:int; name:string; }"""
+    kind: Any = schemas.Schema(text).names()["Named"]
+    with (
+        rtpm.events(kind, hub=hub, node=node) as events,
+        rtpm.supplier(kind, hub=hub, node=node) as named,
+    ):
+        named.push(kind(type_number=1, schema_id=2, name="n"))
+        event = events.next(5)
+        assert event.type is kind and event.value == kind(type_number=1, schema_id=2, name="n")
 
 
 def run(test: Callable[[], Coroutine[Any, Any, None]]) -> None:
