@@ -262,9 +262,9 @@ class Losses:
     queue_memory: int = 0
     #: A newer event of the same type and source took their place: policy "keep_latest".
     replaced: int = 0
-    #: More than 4096 events came faster than the subscription's thread or the network took them.
+    #: More than 4096 of them waited at the hub for the network.
     overflow: int = 0
-    #: The hub's ring in shared memory was overwritten before the subscription's thread read it.
+    #: The subscription's thread read the hub's ring in shared memory too slowly.
     overrun: int = 0
     #: The network lost them: multicast.
     network: int = 0

@@ -50,7 +50,7 @@ std::string text_of(const std::string& hub, std::uint64_t count, const MissedEve
       Cause{all.memory_count, "this program's queue held 64 MiB"},
       Cause{all.replaced_count + way.replaced_count, "newer ones replaced them"},
       Cause{way.overflow_count, "more waited on the way than its queue takes"},
-      Cause{way.overrun_count, "the hub's ring was overwritten"},
+      Cause{way.overrun_count, "its thread read the hub's ring too slowly"},
       Cause{way.unrepaired_count, "the network lost them"},
       Cause{way.memory_count, "the hub's memory was full"},
       Cause{way.too_large_count, "they were too large for the transport"},

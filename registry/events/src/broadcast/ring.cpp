@@ -149,6 +149,26 @@ RingRead RingReader::overrun() noexcept {
   return RingRead::kOverrun;
 }
 
+void RingReader::catch_up() noexcept {
+  const std::uint64_t head = control_->head.load(std::memory_order_acquire);
+  if (head - position_ <= size_ / 2) return;
+  while (head - position_ > size_ / 4) {
+    const std::uint64_t stated = word_at(position_);
+    const Shape shape = unpack(word_at(position_ + kWord));
+    // read() finds out and reports.
+    if (stated != position_ || !is_possible(shape) || shape.span > size_ / 4) return;
+    const bool has_slots = slot_ / 64 < shape.slot_words;
+    const std::uint64_t slots =
+        has_slots ? word_at(position_ + kRecordHeaderSize + slot_ / 64 * kWord) : 0;
+    if (is_overwritten(position_)) return;
+    position_ += shape.span;
+    if ((slots >> (slot_ % 64) & 1) == 0) continue;
+    // At least one; read() corrects it.
+    ++missed_count_;
+    has_missed_ = true;
+  }
+}
+
 RingRead RingReader::read() noexcept {
   while (true) {
     // SYNC POINT ring-written

@@ -121,14 +121,13 @@ class RingReader {
   [[nodiscard]] bool has_more() const noexcept {
     return control_->head.load(std::memory_order_acquire) != position_;
   }
-  /// Whether the unread records, also those for other slots, take more than half of the ring.
-  [[nodiscard]] bool is_late() const noexcept {
-    return control_->head.load(std::memory_order_acquire) - position_ > size_ / 2;
-  }
   /// Events written for this slot, read or not.
   [[nodiscard]] std::uint64_t written_count() const noexcept {
     return control_->counts[slot_].load(std::memory_order_acquire);
   }
+  /// If the unread records, also those for other slots, take more than half of the ring, skips the
+  /// oldest, down to a quarter. They count as missed.
+  void catch_up() noexcept;
   /// Counts events that read() returned.
   void count_read(std::uint64_t event_count) noexcept { read_count_ += event_count; }
   [[nodiscard]] std::uint64_t read_count() const noexcept { return read_count_; }

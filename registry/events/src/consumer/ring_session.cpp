@@ -36,6 +36,7 @@ void RingSession::set_policy(const DeliveryPolicy& policy) {
 
 RingSession::Outcome RingSession::take(const Taker& taker, Asking) {
   if (is_direct()) {
+    if (is_queue_ring_) reader_->catch_up();
     const RingRead read = reader_->read();
     if (read == RingRead::kNothing || read == RingRead::kOverrun) return Outcome::kNothing;
     if (read == RingRead::kGone) return Outcome::kGone;

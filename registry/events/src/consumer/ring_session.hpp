@@ -60,10 +60,9 @@ class RingSession final : public BroadcastSession {
     const std::uint64_t written = reader_->written_count();
     return written > known ? written - known : 0;
   }
-  /// Whether the ring is queue enough.
+  /// Whether events bypass the queue.
   [[nodiscard]] bool is_direct() const noexcept {
-    if (!queue_.empty()) return false;
-    return is_queue_ring_ ? !reader_->is_late() : backlog() <= direct_max_;
+    return queue_.empty() && (is_queue_ring_ || backlog() <= direct_max_);
   }
   /// Decodes the record into group_; false if malformed.
   [[nodiscard]] bool parse() noexcept;
@@ -73,7 +72,7 @@ class RingSession final : public BroadcastSession {
   std::uint64_t id_;
   std::optional<RingReader> reader_{};
   std::uint64_t direct_max_ = 0;  ///< The largest backlog with which events bypass the queue.
-  bool is_queue_ring_ = false;    ///< They do as long as the ring has place for more of them.
+  bool is_queue_ring_ = false;    ///< They always do: half of the ring is the queue.
   LocalQueue queue_{};
   std::vector<EventView> group_{};
 };

@@ -109,6 +109,33 @@ TEST_F(HubRing, TheLargestQueueIsTheRing) {
   EXPECT_EQ(slow->counters().losses, Losses{});
 }
 
+TEST(HubRingLimits, AQueueThatIsTheRingDropsTheOldestEvents) {
+  ServedHub hub({.ring_size = 64 * 1024});
+  rpc::Node node;
+  Sleeper sleeper;
+  Recorder quick;
+  const auto supplier = make_supplier(node, hub);
+  const DeliveryPolicy delivery{.queue_capacity = kQueueCapacityMax};
+  const auto slow = make_consumer(node, hub, sleeper, of_type(kPose), delivery,
+                                  rpc::Transport::kAuto, /*shared_ring=*/true);
+  const auto other = make_consumer(node, hub, quick, of_type(kPose));
+  push(*supplier, kPose);
+  ASSERT_TRUE(sleeper.await_deliveries(1));
+  // More than half of the ring, and less than all of it.
+  constexpr std::size_t kCount = 12;
+  const std::vector<std::byte> large(4000);
+  for (std::size_t i = 2; i <= kCount; ++i) {
+    ASSERT_TRUE(supplier->push({.type = kPose, .payload = large}));
+    ASSERT_TRUE(quick.await_deliveries(i));
+  }
+  sleeper.release();
+  ASSERT_TRUE(sleeper.await_notice(NoticeKind::kLosses));
+  ASSERT_TRUE(sleeper.await([](const Recorder& it) { return it.last_header_.sequence == kCount; }));
+  const std::uint64_t lost_count = slow->counters().losses.overrun_count;
+  EXPECT_EQ(lost_count + slow->counters().event_count, kCount);
+  EXPECT_GE(lost_count, 5U);
+}
+
 TEST(HubRingLimits, OverrunConsumerReportsItsLosses) {
   ServedHub hub({.ring_size = 64 * 1024});
   rpc::Node node;

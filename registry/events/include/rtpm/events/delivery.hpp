@@ -60,7 +60,7 @@ struct Losses {
   std::uint64_t suspended_count = 0;  ///< Arrived while the subscription was suspended.
   std::uint64_t memory_count = 0;     ///< Evicted or not stored because the hub was out of memory.
   std::uint64_t too_large_count = 0;  ///< Larger than the consumer's transport can carry.
-  std::uint64_t overrun_count = 0;    ///< Overwritten in the shared ring before being read.
+  std::uint64_t overrun_count = 0;    ///< The shared ring was read too slowly.
   /// Multicast: lost in the network or socket, and no longer in the hub's history.
   std::uint64_t unrepaired_count = 0;
   friend bool operator==(const Losses&, const Losses&) = default;
