@@ -52,6 +52,7 @@ std::vector<Case> cases() {
   return {
       {"list", "", "lab/arm0", "lab/arm1", 3, "most like it: lab/arm0"},
       {"info", "lab/arm0", "rpc_service Device", "lab/arm1", 3, "most like it: lab/arm0"},
+      {"stubs", "lab/arm0 -o NEW1", "arm0_rtpm.pyi", "lab/arm1", 3, "most like it: lab/arm0"},
       {"find", "lab/*", "lab/arm0", "x*", 1, "none of the"},
       {"watch", "lab --for 10ms", "bound  lab/arm0", "--for x", 2, "no duration"},
       {"bind", "lab/cam rtpm://127.0.0.1:1/x --interface lab.X --replace", "lab/cam is bound to",

@@ -40,7 +40,7 @@ class Folder {
   /// A path in the folder at which there is no file.
   [[nodiscard]] std::string fresh(const std::string& name) const {
     std::string free = path(name);
-    std::filesystem::remove(free);
+    std::filesystem::remove_all(free);
     return free;
   }
 
