@@ -134,20 +134,21 @@ def write(options, calls, events, servo):
              "ratio of", "a round. Times in µs belong to this machine; quote the ratios. All "
              f"time-shared. {datetime.date.today().isoformat()}.", "",
              "## Calls", "", "48 bytes there and back, one call after the other; the server is C++ "
-             "unless stated.", "",
+             "unless stated.", "A thread that computes gives the interpreter's lock away every 5 ms: "
+             "`sys.setswitchinterval()`.", "",
              "| transport, caller | p50 | p99 | × C++ p50 | × C++ p99 |", "|---|---:|---:|---:|---:|"]
     for (transport, kind), rounds in calls.items():
         base = calls[transport, "C++"]
         lines.append(f"| {transport}, {kind} | " + " | ".join((
             page.number(median(rounds, "p50_us")), page.number(median(rounds, "p99_us")),
             ratio(rounds, base, "p50_us"), ratio(rounds, base, "p99_us"))) + " |")
-    lines += ["", "## Events", "", "32 bytes pushed by another Python program, through a hub.", "",
+    lines += ["", "## Events", "", "32 bytes pushed by another Python program as quickly as it can, through a hub.", "",
               "| taken | events/s | lost |", "|---|---:|---:|"]
     for kind, rounds in events.items():
         lost = sum(each["lost"] for each in rounds) / sum(each["lost"] + each["taken"] for each in rounds)
         lines.append(f"| {kind} | {page.number(median(rounds, 'events_per_s'))} | {100 * lost:.1f} % |")
-    lines += ["", "## A native servo", "", "`tip.render()` at 1 kHz for 10 s: late cycles do not grow by a "
-              "computing Python thread.", "",
+    lines += ["", "## A native servo", "", "`tip.render()` at 1 kHz for 10 s, alone and beside "
+              "a Python thread that computes all the time.", "",
               "| beside it | cycles | late | worst, ms |", "|---|---:|---:|---:|"]
     for kind, rounds in servo.items():
         late = ", ".join(str(each["late"]) for each in rounds)

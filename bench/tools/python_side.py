@@ -124,7 +124,7 @@ def events(options):
                 end = time.perf_counter()
         except rtpm.Timeout:  # All has come.
             pass
-        return {"events_per_s": taken / (end - begin), "taken": taken, "lost": received.losses}
+        return {"events_per_s": taken / (end - begin), "taken": taken, "lost": received.losses.total}
 
 
 def servo(options):
@@ -146,7 +146,8 @@ def main():
     parser.add_argument("--batches", action="store_true")
     parser.add_argument("--computing", action="store_true")
     options = parser.parse_args()
-    os.sched_setaffinity(0, {SERVER_CPU if options.what == "serve" else CLIENT_CPU})
+    if options.what != "servo":
+        os.sched_setaffinity(0, {SERVER_CPU if options.what == "serve" else CLIENT_CPU})
     result = kinds[options.what](options)
     if result is not None:
         print(json.dumps(result))

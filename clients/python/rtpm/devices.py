@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import gc
 import logging
-import math
 import sys
 import threading
 import time
@@ -102,9 +101,18 @@ class Device(Closing):
         self.name = target
         self._hold = hold
         self._stall = stall
-        self._core: _core.Device | None = _core.Device(
-            self._node.core, target, hold, patience, stall
-        )
+        error = None
+        try:
+            self._core: _core.Device | None = _core.Device(
+                self._node.core, target, hold, patience, stall
+            )
+        except errors.NameNotFound as missing:
+            error = missing
+        if error is not None:
+            self._node.core.describe(
+                target
+            )  # Raises the same, with the names that are most like it.
+            raise error
         with device_rtpm.DeviceClient(target, node=self._node) as client:
             self._description = client.describe()
 
@@ -140,11 +148,17 @@ class Device(Closing):
     ) -> Tip:
         """Acquires the device's lease, for use in a `with` statement.
 
-        hold: for how many seconds a command lasts without a newer one (0.010). patience: for how long
+        hold: for how many seconds a command lasts without a newer one (0.010; at most the
+        description's hold_us_max). patience: for how long
         to wait while another client holds the lease. take_over: takes the lease away from its holder,
         as an operator may. The lease is kept only while this program runs: not beyond `stall` seconds
         without any use of the device.
         """
+        hold_max = self._description.hold_us_max / 1e6
+        if hold is not None and not 0 < hold <= hold_max:
+            raise ValueError(
+                f"hold takes more than 0 and up to {hold_max:g} s at {self.core.target}, not {hold}"
+            )
         if hold is not None and hold != self._hold:
             target = self.core.target
             self._hold = hold
@@ -175,6 +189,9 @@ class Device(Closing):
 class Tip:
     """The commanded end of a device. Ends with its `with` statement, and then leaves no force behind."""
 
+    # A misspelt attribute would command nothing.
+    __slots__ = ("_core", "_device", "_force", "_servo", "_torque", "__weakref__")
+
     def __init__(self, device: Device, patience: float, take_over: bool) -> None:
         self._device = device
         self._core = device.core
@@ -194,7 +211,11 @@ class Tip:
 
     @property
     def force(self) -> Vector3:
-        """The force, in newton in the device's frame. Setting it commands it for `hold` seconds."""
+        """The force, in newton in the device's frame. Setting it commands it for `hold` seconds.
+
+        The device applies at most the description's `force_newton_max`, and lets the force rise
+        softly at first: `sample.force_newton` is the applied one.
+        """
         return self._force
 
     @force.setter
@@ -304,9 +325,12 @@ class Tip:
         if isinstance(value, Vector3):
             return value
         try:
-            return Vector3(*value)
-        except TypeError:
-            raise TypeError(f"{name} takes three numbers, not {type(value).__name__}") from None
+            x, y, z = value
+            return Vector3(x, y, z)
+        except (TypeError, ValueError):
+            raise TypeError(
+                f"{name} takes three numbers, such as (0, 0, 1.5), not {value!r:.60}"
+            ) from None
 
     def _send(self) -> None:
         self.core.set_wrench([*self._force, *self._torque], None)
@@ -326,8 +350,7 @@ class Servo:
         self._device = device
         self._target = core.target
         self._rate = rate
-        models = tuple(models)
-        self._check(models)
+        self._device_core = core
         self._core = _core.Servo(core, rate, priority, _models(models))
         self._ended = threading.Event()
         # Proves that the interpreter runs: without it the native loop takes the force away.
@@ -338,8 +361,7 @@ class Servo:
 
     def set(self, *models: Model) -> None:
         """Renders other models from the next cycle on."""
-        self._check(models)
-        self._core.set(_models(models))
+        self._core.set(self._device_core, self._rate, _models(models))
 
     @property
     def is_running(self) -> bool:
@@ -356,24 +378,14 @@ class Servo:
         self._ended.set()
         self._core.stop()
 
+    def __repr__(self) -> str:
+        state = "running" if self.is_running else "ended"
+        figures = ", ".join(f"{name} {value}" for name, value in self.figures.items())
+        return f"<rtpm.Servo of {self._target}: {state}, {figures}>"
+
     def _beat(self, core: _core.Device) -> None:
         while not self._ended.wait(0.1):
             core.see()
-
-    def _check(self, models: Iterable[Model]) -> None:
-        """Refuses walls that a loop of this rate can't render stably."""
-        damping = self._device.description.damping_newton_s_per_m
-        if not damping:
-            return
-        # A position is a period old when its force acts, which then lasts for another: on average 1.5.
-        highest = damping / (1.5 / self._rate)
-        for model in models:
-            stiffness = getattr(model, "stiffness_newton_per_m", 0.0)
-            if math.isfinite(stiffness) and stiffness > highest:
-                raise errors.BadCommand(
-                    f"{self._target}: a {self._rate:g} Hz loop renders up to {highest:.0f} N/m here, not {stiffness:g}; "
-                    "tip.set_models() renders in the device's own loop"
-                )
 
 
 def device(
@@ -384,5 +396,9 @@ def device(
     patience: float = 0.0,
     stall: float = 0.5,
 ) -> Device:
-    """Opens the device at `target`, a name such as "lab/arm0" or a URL."""
+    """Opens the device at `target`, a name such as "lab/arm0" or a URL.
+
+    patience: for how many seconds to wait for a device that is not there yet. hold and stall: for how
+    long a command and an unused lease last, see Device.command().
+    """
     return Device(target, node=node, hold=hold, patience=patience, stall=stall)

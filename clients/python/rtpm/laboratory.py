@@ -70,6 +70,7 @@ class Laboratory:
         }
         self._process = os.getpid()
         self._earlier = os.environ.get("RTPM_REGISTRY")
+        self._started: list[subprocess.Popen[str]] = []
         #: The registry's URL.
         self.registry = ""
         # In a session of its own, so that Ctrl-C and a notebook's interrupt do not end it.
@@ -116,12 +117,17 @@ class Laboratory:
         return file.read_text("utf-8", "replace") if file.exists() else ""
 
     def start(self, program: str, *arguments: str | os.PathLike[str]) -> subprocess.Popen[str]:
-        """Starts a program of RTPM in this laboratory, such as `lab.start("rtpm", "record", "run.mcap")`."""
+        """Starts a program of RTPM in this laboratory, such as `lab.start("rtpm", "record", "run.mcap")`.
+
+        It ends with the laboratory, or by its `terminate()` and `wait()`: a recording can be opened then.
+        """
         if self._guard is None:
             raise errors.Error("this laboratory has ended")
-        return subprocess.Popen(
+        started = subprocess.Popen(
             [_find_program(program), *arguments], text=True, env=self._environment
         )
+        self._started.append(started)
+        return started
 
     def end(self) -> None:
         """Ends all its programs. Names are then looked up where they were before."""
@@ -135,6 +141,14 @@ class Laboratory:
             if self._earlier is not None:
                 os.environ["RTPM_REGISTRY"] = self._earlier
             calls.forget_default_node()
+        for program in self._started:
+            program.terminate()
+        for program in self._started:
+            try:
+                program.wait(10)
+            except subprocess.TimeoutExpired:
+                program.kill()
+                program.wait()
         guard.communicate("\n")
 
     def __enter__(self) -> Laboratory:

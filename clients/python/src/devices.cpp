@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <device.rtpm.hpp>
 #include <memory>
@@ -20,6 +21,7 @@
 #include "remote_device.hpp"
 #include "rtpm/gvd/models_wire.hpp"
 #include "rtpm/gvd/wire.hpp"
+#include "rtpm/models/check.hpp"
 #include "rtpm/rpc/tables.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "servo.hpp"
@@ -169,14 +171,30 @@ void emergency_stop(const SharedDevice& self, int scope) {
   });
 }
 
+/// The models, which a loop of this rate can render stably.
+gvd::ModelList models_for(const SharedDevice& device, double rate_hz, const nb::bytes& request) {
+  const gvd::ModelList models = models_of(request);
+  const Duration period{static_cast<Duration::rep>(1e9 / rate_hz)};
+  const auto limits = gvd::ModelLimits::for_device(device->client().descriptor(), period);
+  if (const auto checked = gvd::check(models, limits); !checked) {
+    std::string text = gvd::to_text(checked.error());
+    if (checked.error().field.starts_with("stiffness")) {
+      text += " in a loop of " + std::to_string(std::lround(rate_hz)) +
+              " Hz; tip.set_models() renders in the device's own";
+    }
+    raise_device(gvd::DeviceOutcome::kOutOfRange, device->target(), text);
+  }
+  return models;
+}
+
 std::unique_ptr<Servo> start_servo(const SharedDevice& device, double rate_hz, int priority,
-                                   const nb::bytes& models) {
+                                   const nb::bytes& request) {
   if (!(rate_hz >= 1 && rate_hz <= 10'000)) raise_value_error("rate takes 1 to 10000 Hz");
-  const auto list = models_of(models);
+  const auto models = models_for(device, rate_hz, request);
   device->see();
   auto servo =
       value_of(Servo::start(device, rate_hz, *options_of(priority, std::nullopt).priority));
-  servo->set(list);
+  servo->set(models);
   return servo;
 }
 
@@ -269,7 +287,12 @@ void define_devices(nb::module_& module) {
       });
   nb::class_<Servo>(module, "Servo")
       .def(nb::new_(&start_servo), "device"_a, "rate_hz"_a, "priority"_a, "models"_a)
-      .def("set", [](Servo& self, const nb::bytes& models) { self.set(models_of(models)); })
+      .def(
+          "set",
+          [](Servo& self, const SharedDevice& device, double rate_hz, const nb::bytes& models) {
+            self.set(models_for(device, rate_hz, models));
+          },
+          "device"_a, "rate_hz"_a, "models"_a)
       .def("stop",
            [](Servo& self) {
              const Released released;

@@ -87,10 +87,33 @@ def test_a_native_loop_renders_a_wall_beside_a_computing_thread(arm: rtpm.Device
         thread.join()
 
 
+def test_wrong_commands_are_refused_in_plain_words(arm: rtpm.Device, node: rtpm.Node) -> None:
+    with pytest.raises(ValueError, match=r"hold takes more than 0 and up to 0\.1 s at .*, not 5"):
+        arm.command(hold=5)
+    with pytest.raises(rtpm.NameNotFound, match="most like it: lab/arm0"):
+        rtpm.device("lab/amr0", node=node)
+    with arm.command() as tip:
+        for wrong in ((0, 2), (1, 2, 3, 4), 1.5, (1, "a", 3)):
+            with pytest.raises(
+                TypeError, match=r"force takes three numbers, such as \(0, 0, 1.5\)"
+            ):
+                tip.force = wrong  # type: ignore[assignment]
+        with pytest.raises(AttributeError, match="frce"):
+            tip.frce = (0, 0, 1)  # type: ignore[attr-defined]
+        with pytest.raises(ValueError, match="normal is 2"):
+            tip.render(rtpm.Wall(normal=(0, 0, 2), stiffness_newton_per_m=100))
+        servo = tip.render(rtpm.Wall(normal=(0, 0, 1), stiffness_newton_per_m=100))
+        assert "running" in repr(servo)
+        with pytest.raises(ValueError, match="stiffness_newton_per_m is -1; choose 0 to 1667"):
+            servo.set(rtpm.Wall(normal=(0, 0, 1), stiffness_newton_per_m=-1))
+        assert servo.is_running
+
+
 def test_a_wall_that_is_too_stiff_is_refused_with_the_number(arm: rtpm.Device) -> None:
     with arm.command() as tip:
         with pytest.raises(
-            ValueError, match=r"renders up to 1667 N/m here, not 9000; tip\.set_models"
+            ValueError,
+            match=r"stiffness_newton_per_m is 9000; choose 0 to 1667 in a loop of 1000 Hz; tip\.set_models",
         ):
             tip.render(rtpm.Wall(normal=(0, 0, 1), stiffness_newton_per_m=9000))
         with pytest.raises(ValueError, match="stiffness_newton_per_m is 9000"):
@@ -141,7 +164,7 @@ def test_a_stop_needs_no_lease_and_ends_by_rearm(arm: rtpm.Device) -> None:
 
 def test_wrong_values_are_named(arm: rtpm.Device) -> None:
     with arm.command() as tip:
-        with pytest.raises(TypeError, match="force takes three numbers, not int"):
+        with pytest.raises(TypeError, match="force takes three numbers, such as"):
             tip.force = 3
         with pytest.raises(ValueError, match="not finite"):
             tip.force = (float("nan"), 0, 0)

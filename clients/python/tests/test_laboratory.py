@@ -49,6 +49,17 @@ def test_its_devices_are_found_without_further_words(monkeypatch: pytest.MonkeyP
     lab.end()
 
 
+def test_programs_of_a_laboratory_end_with_it(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    with rtpm.demo() as lab, rtpm.device("lab/arm0") as arm:
+        recorder = lab.start("rtpm", "record", file)
+        while not file.exists() or arm.read().sequence < 100:
+            time.sleep(0.01)
+    assert recorder.poll() == 0
+    with rtpm.open(file) as recording:
+        assert recording.is_complete
+
+
 def test_a_cell_that_runs_again_has_a_new_one() -> None:
     first = rtpm.demo()
     with rtpm.demo() as second:

@@ -77,7 +77,7 @@ def test_first_touch(folder: Path) -> None:
     assert ran.number(r"'cycles': (\d+)") > 0
     assert ran.number(r"pushed back with up to ([\d.]+) N") > 0.5
     assert ran.number(r"pulled with ([\d.]+) N") > 0
-    assert "renders up to 1667 N/m here, not 9000" in ran.text
+    assert "stiffness_newton_per_m is 9000; choose 0 to 1667" in ran.text
     assert re.search(r"lab/\w+0 ButtonChange\(", ran.text)
 
 
