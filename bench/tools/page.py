@@ -182,7 +182,8 @@ def _head(results, rows):
         "# Results", "",
         "RTPM beside its raw floor: plain sockets or rings that move the same bytes with the same "
         "wait,", "priority and CPUs, by turns in one run. Times in µs belong to this machine; quote "
-        "the ratios.", "[README.md](README.md) says how it is measured.", "",
+        "the ratios.", "[README.md](README.md) says how it is measured; [PYTHON.md](PYTHON.md) has the Python "
+        "package.", "",
         f"Commit {head.get('commit') or 'unknown'}, {head.get('date', 'date unknown')}, "
         f"{head.get('form', 'part of a')} run; {machine.get('cpu', 'unknown CPU')}, "
         f"{machine.get('cpu_count', '?')} CPUs{', virtual' if machine.get('virtualised') else ''}; "
