@@ -148,7 +148,8 @@ def test_calls_at_the_same_time_keep_their_own(inner: Any, outer: Any) -> None:
 
 
 def test_the_end_of_the_remaining_time_ends_a_nested_call(outer: Any) -> None:
-    with pytest.raises(TimeoutError):
+    # Both deadlines end together: the servant may still tell of its own.
+    with pytest.raises((TimeoutError, rtpm.ServantFailed)):
         outer.own.repeat(lab.Text(), deadline=0.1)
     # The servant's own call ends long before the inner method returns.
     end = time.monotonic() + 5
