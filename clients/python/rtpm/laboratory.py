@@ -8,9 +8,9 @@ import os
 import re
 import subprocess
 from pathlib import Path
-from types import TracebackType
 
 from . import calls, errors
+from .endings import Closing
 
 _FILE = Path(__file__).with_name("laboratory.toml")
 #: Ends the laboratory and removes its folder when its input ends, as it does when this process dies.
@@ -44,7 +44,7 @@ def _find_program(name: str) -> str:
     return os.path.abspath(path)
 
 
-class Laboratory:
+class Laboratory(Closing):
     """A registry, a hub of events and simulated devices, on free ports of this host.
 
     Names without a `node` are looked up here, also by programs that this one starts. It ends with its
@@ -151,16 +151,7 @@ class Laboratory:
                 program.wait()
         guard.communicate("\n")
 
-    def __enter__(self) -> Laboratory:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.end()
+    close = end
 
     def __repr__(self) -> str:
         if self._guard is None:

@@ -13,8 +13,7 @@ import inspect
 import logging
 import threading
 from collections.abc import AsyncIterator, Awaitable, Mapping
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from . import _core, endings
 from .calls import Node, default_node, scope, signature_of
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from .schemas import Schema
 
 _log = logging.getLogger("rtpm")
-_S = TypeVar("_S", bound="Server")
 
 _KINDS = ("BadRequest", "Failed", "NoSuchObject", "NotAllowed", "NotLeaseHolder", "Overload")
 
@@ -110,7 +108,7 @@ def current_call() -> Call | None:
     return _call.get()
 
 
-class Server:
+class Server(endings.Closing):
     """Serves objects of Python until its `with` statement ends, or stop()."""
 
     def __init__(
@@ -178,16 +176,7 @@ class Server:
             self._loop_thread.join()
             self._loop.close()
 
-    def __enter__(self: _S) -> _S:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.stop()
+    close = stop
 
     def __repr__(self) -> str:
         return f"<rtpm.Server {', '.join(self._paths)}>"
