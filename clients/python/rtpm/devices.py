@@ -279,7 +279,7 @@ class Tip:
         """Renders models by a native loop in this program, at `rate`, whatever Python does meanwhile."""
         if self._servo is not None:
             self._servo.stop()
-        self._servo = Servo(self._device, self.core, models, rate, priority)
+        self._servo = Servo(self.core, models, rate, priority)
         return self._servo
 
     def set_models(self, *models: Model) -> None:
@@ -341,16 +341,12 @@ class Servo:
 
     def __init__(
         self,
-        device: Device,
         core: _core.Device,
         models: Iterable[Model],
         rate: float,
         priority: int,
     ) -> None:
-        self._device = device
         self._target = core.target
-        self._rate = rate
-        self._device_core = core
         self._core = _core.Servo(core, rate, priority, _models(models))
         self._ended = threading.Event()
         # Proves that the interpreter runs: without it the native loop takes the force away.
@@ -361,7 +357,7 @@ class Servo:
 
     def set(self, *models: Model) -> None:
         """Renders other models from the next cycle on."""
-        self._core.set(self._device_core, self._rate, _models(models))
+        self._core.set(_models(models))
 
     @property
     def is_running(self) -> bool:

@@ -171,15 +171,15 @@ void emergency_stop(const SharedDevice& self, int scope) {
   });
 }
 
-/// The models, which a loop of this rate can render stably.
-gvd::ModelList models_for(const SharedDevice& device, double rate_hz, const nb::bytes& request) {
+/// The models, which a loop of this period can render stably.
+gvd::ModelList models_for(const SharedDevice& device, Duration period, const nb::bytes& request) {
   const gvd::ModelList models = models_of(request);
-  const Duration period{static_cast<Duration::rep>(1e9 / rate_hz)};
   const auto limits = gvd::ModelLimits::for_device(device->client().descriptor(), period);
   if (const auto checked = gvd::check(models, limits); !checked) {
     std::string text = gvd::to_text(checked.error());
     if (checked.error().field.starts_with("stiffness")) {
-      text += " in a loop of " + std::to_string(std::lround(rate_hz)) +
+      text += " in a loop of " +
+              std::to_string(std::lround(1e9 / static_cast<double>(period.count()))) +
               " Hz; tip.set_models() renders in the device's own";
     }
     raise_device(gvd::DeviceOutcome::kOutOfRange, device->target(), text);
@@ -190,10 +190,10 @@ gvd::ModelList models_for(const SharedDevice& device, double rate_hz, const nb::
 std::unique_ptr<Servo> start_servo(const SharedDevice& device, double rate_hz, int priority,
                                    const nb::bytes& request) {
   if (!(rate_hz >= 1 && rate_hz <= 10'000)) raise_value_error("rate takes 1 to 10000 Hz");
-  const auto models = models_for(device, rate_hz, request);
+  const Duration period{static_cast<Duration::rep>(1e9 / rate_hz)};
+  const auto models = models_for(device, period, request);
   device->see();
-  auto servo =
-      value_of(Servo::start(device, rate_hz, *options_of(priority, std::nullopt).priority));
+  auto servo = value_of(Servo::start(device, period, *options_of(priority, std::nullopt).priority));
   servo->set(models);
   return servo;
 }
@@ -289,10 +289,10 @@ void define_devices(nb::module_& module) {
       .def(nb::new_(&start_servo), "device"_a, "rate_hz"_a, "priority"_a, "models"_a)
       .def(
           "set",
-          [](Servo& self, const SharedDevice& device, double rate_hz, const nb::bytes& models) {
-            self.set(models_for(device, rate_hz, models));
+          [](Servo& self, const nb::bytes& models) {
+            self.set(models_for(self.device(), self.period(), models));
           },
-          "device"_a, "rate_hz"_a, "models"_a)
+          "models"_a)
       .def("stop",
            [](Servo& self) {
              const Released released;

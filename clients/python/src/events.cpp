@@ -117,7 +117,7 @@ nb::tuple to_python(const Subscription& self, const WaitingEvent& event) {
                         nb::bytes(event.payload.data(), event.payload.size()));
 }
 
-/// The next delivery: an event, or the list of the events of a conjunction; None if there is none.
+/// The next delivery: an event, or the list of the events of a conjunction; None if nothing waits.
 /// @errors those of has_event()
 nb::object try_next(Subscription& self) {
   if (self.needs_attention()) static_cast<void>(has_event(self));
@@ -138,7 +138,7 @@ nb::object next(Subscription& self, std::optional<double> timeout) {
 }
 
 /// Type, schema and payload size of the next event, and whether more of its delivery follow; None
-/// if there is none.
+/// if nothing waits.
 /// @errors those of has_event()
 nb::object try_peek(Subscription& self) {
   if (!has_event(self)) return nb::none();

@@ -16,9 +16,8 @@ class ServoState {
   LoopFigures figures{};
 };
 
-expected<std::unique_ptr<Servo>, SetupError> Servo::start(SharedDevice device, double rate_hz,
+expected<std::unique_ptr<Servo>, SetupError> Servo::start(SharedDevice device, Duration period,
                                                           Priority priority) {
-  const Duration period{static_cast<Duration::rep>(1e9 / rate_hz)};
   auto servo = std::unique_ptr<Servo>(new Servo(std::move(device), period, priority));
   servo->models_.write({});
   auto thread = rt::Thread::start({.name = "rtpm-servo", .priority = priority},

@@ -35,7 +35,7 @@ class Servo {
  public:
   /// @errors those of rt::Thread::start()
   [[nodiscard]] static expected<std::unique_ptr<Servo>, SetupError> start(SharedDevice device,
-                                                                          double rate_hz,
+                                                                          Duration period,
                                                                           Priority priority);
   Servo(const Servo&) = delete;
   Servo& operator=(const Servo&) = delete;
@@ -44,6 +44,8 @@ class Servo {
   /// Renders `models` from the next cycle on.
   void set(const gvd::ModelList& models) noexcept { models_.write(models); }
   void stop() noexcept;
+  [[nodiscard]] const SharedDevice& device() const noexcept { return device_; }
+  [[nodiscard]] Duration period() const noexcept { return period_; }
   [[nodiscard]] LoopFigures figures() const noexcept;
   /// Whether it still commands: it ends by itself when the lease is lost.
   [[nodiscard]] bool is_running() const noexcept {
