@@ -55,6 +55,7 @@ const std::vector<Part>& parts() {
       {"gvd/configuration/", "configuration", {"base", "rt", "rpc", "driver"}},
       {"gvd/models/", "models", {"base", "driver"}},
       {"gvd/safety/", "safety", {"base", "driver"}},
+      {"gvd/ros2/", "ros2", {"base", "crypto", "driver"}},
       {"gvd/recording/file/", "recording", {"base", "rt"}},
       {"gvd/recording/capture/",
        "capture",
