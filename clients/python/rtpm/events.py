@@ -190,6 +190,11 @@ class Received:
         return self._event[2]
 
     @property
+    def uncertainty_ns(self) -> int | None:
+        """How far `time_ns` may be wrong; None if not known, as of a hub on another host."""
+        return _known(self._event[8])
+
+    @property
     def source(self) -> int:
         """Which supplier of the type sent it, by the number that it gave."""
         return self._event[3]
@@ -248,8 +253,12 @@ class Received:
 # ---- subscriptions ------------------------------------------------------------------------------
 
 #: An event of the extension: type, schema, time, source, sequence, priority, whether it is replayed,
-#: and payload.
-_Event = tuple[int, int, int, int, int, int, bool, bytes]
+#: payload, and the time's uncertainty.
+_Event = tuple[int, int, int, int, int, int, bool, bytes, int]
+
+
+def _known(uncertainty_ns: int) -> int | None:
+    return None if uncertainty_ns == 0xFFFF_FFFF else uncertainty_ns
 
 
 @dataclasses.dataclass(frozen=True)
@@ -296,11 +305,13 @@ class Batch(Sequence[Any]):
     numpy.asarray(batch) is a structured array that shares its memory.
     """
 
-    __slots__ = ("records",)
+    __slots__ = ("records", "uncertainty_ns")
 
-    def __init__(self, records: ctypes.Array[Any]) -> None:
+    def __init__(self, records: ctypes.Array[Any], uncertainty_ns: int | None = 0) -> None:
         #: A ctypes array, which is a buffer.
         self.records = records
+        #: How far each `time_ns` may be wrong; None if not known, as of a hub on another host.
+        self.uncertainty_ns = uncertainty_ns
 
     def __len__(self) -> int:
         return len(self.records)
@@ -372,10 +383,11 @@ class Batches:
                 f"{known.name}: an event has {size} bytes, its schema {ctypes.sizeof(known.struct)}"
             )
         record = known.record
-        data = core.take_records(
+        data, uncertainty_ns = core.take_records(
             self._count, number, schema_id, size, record.payload.offset, ctypes.sizeof(record)
         )
-        return Batch((record * (len(data) // ctypes.sizeof(record))).from_buffer(data))
+        records = (record * (len(data) // ctypes.sizeof(record))).from_buffer(data)
+        return Batch(records, _known(uncertainty_ns))
 
 
 class Events(endings.Closing):

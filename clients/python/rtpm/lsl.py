@@ -1,6 +1,8 @@
-"""Lab Streaming Layer: devices and events of RTPM as LSL streams, and LSL streams with RTPM's times.
+"""Lab Streaming Layer: devices and events of RTPM as LSL streams, and LSL streams as devices of RTPM.
 
     with rtpm.lsl.outlet("lab/arm0"), rtpm.lsl.markers("type(lab.Touched)"):
+        ...
+    with rtpm.lsl.device("type='EEG'", "lab/eeg0"):
         ...
 
 Run it on the host of the hub and the devices: stamps are exact there.
@@ -18,15 +20,28 @@ import socket
 import threading
 import time
 import urllib.parse
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, cast
 
 from . import endings, errors
 from .calls import Node, default_node
-from .events import Events, Filter, Received, Where, filter_of, source_of
+from .events import Events, Filter, Received, Supplier, Where, filter_of, source_of
 from .idl.device_events_rtpm import Sampled
-from .idl.device_rtpm import Description, DeviceClient
-from .values import Struct, Table
+from .idl.device_rtpm import (
+    Analog,
+    Description,
+    DeviceClass,
+    DeviceClient,
+    DeviceServant,
+    FlightRecordReply,
+    LeaseStanding,
+    Outcome,
+    Quaternion,
+    Sample,
+    Vector3,
+)
+from .servants import Refusal, serve
+from .values import Struct, Table, replace
 
 try:
     import numpy
@@ -47,6 +62,8 @@ _log = logging.getLogger("rtpm")
 _SLICE_S = 0.05
 #: How many seconds of a stream wait for this program; of one without a rate 100 times as many samples.
 _QUEUE_S = 60
+#: How often an outlet's clock is told, in seconds.
+_CLOCK_S = 1.0
 
 
 # ---- clocks -------------------------------------------------------------------------------------
@@ -117,7 +134,7 @@ def channels_of(description: Description) -> list[Channel]:
     straight = [axis for axis in "xyz" if axis in axes]
     turns = [axis for axis in "xyz" if f"r{axis}" in axes]
     channels = [
-        Channel(axis, f"Position{axis.upper()}", "m", "position_m", axis)
+        Channel(axis, f"Position{axis.upper()}", "meters", "position_m", axis)
         for axis in straight
         if axes[axis].is_sensed
     ]
@@ -128,12 +145,12 @@ def channels_of(description: Description) -> list[Channel]:
             for part, letter in zip("wxyz", "ABCD", strict=True)
         ]
     channels += [
-        Channel(f"f{axis}", f"Force{axis.upper()}", "N", "force_newton", axis)
+        Channel(f"f{axis}", f"Force{axis.upper()}", "newtons", "force_newton", axis)
         for axis in straight
         if axes[axis].is_actuated
     ]
     channels += [
-        Channel(f"t{axis}", f"Torque{axis.upper()}", "N m", "torque_newton_metre", axis)
+        Channel(f"t{axis}", f"Torque{axis.upper()}", "newton meters", "torque_newton_metre", axis)
         for axis in turns
         if axes[f"r{axis}"].is_actuated
     ]
@@ -147,7 +164,11 @@ def channels_of(description: Description) -> list[Channel]:
 
 
 class Outlet(endings.Closing):
-    """A stream that a thread of its own fills from a hub's events until it is closed."""
+    """A stream that a thread of its own fills from a hub's events until it is closed.
+
+    Beside it, the stream "NAME.clock" tells once a second how far its stamps may be wrong, in seconds;
+    NaN as long as that is not known.
+    """
 
     def __init__(self, info: pylsl.StreamInfo, events: Events, clock: Clock, period: float) -> None:
         self._info = info
@@ -156,9 +177,15 @@ class Outlet(endings.Closing):
         self._period = period
         #: How stamps are converted.
         self.clock = clock
+        #: How far the newest stamps may be wrong, in seconds.
+        self.uncertainty_s = math.nan
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="rtpm-lsl", daemon=True)
-        self._thread.start()
+        self._threads = [
+            threading.Thread(target=run, name="rtpm-lsl", daemon=True)
+            for run in (self._run, self._tell_clock)
+        ]
+        for thread in self._threads:
+            thread.start()
         endings.before_exit(self)
 
     @property
@@ -183,9 +210,29 @@ class Outlet(endings.Closing):
         """Ends the stream."""
         self._ended.set()
         self._events.close()
-        self._thread.join()
+        for thread in self._threads:
+            thread.join()
 
     stop = close
+
+    def _tell_clock(self) -> None:
+        info = pylsl.StreamInfo(
+            f"{self._info.name()}.clock",
+            "Clock",
+            1,
+            1 / _CLOCK_S,
+            pylsl.cf_double64,
+            f"{self._info.source_id()}:clock",
+        )
+        info.set_channel_labels(["uncertainty"])
+        info.set_channel_units(["seconds"])
+        outlet = pylsl.StreamOutlet(info)
+        while not self._ended.wait(_CLOCK_S):
+            outlet.push_sample([self.uncertainty_s], pylsl.local_clock())
+
+    def _learn_uncertainty(self, uncertainty_ns: int | None) -> None:
+        known_s = math.nan if uncertainty_ns is None else uncertainty_ns * 1e-9
+        self.uncertainty_s = known_s + self.clock.uncertainty_s
 
     def _run(self) -> None:
         try:
@@ -208,6 +255,7 @@ class _DeviceOutlet(Outlet):
 
     def _push(self) -> None:
         for batch in self._events.batches(4096):
+            self._learn_uncertainty(batch.uncertainty_ns)
             array = numpy.asarray(batch)
             columns = [_column(array["payload"], channel) for channel in self._channels]
             # A list: pylsl would take a whole array of stamps for a number.
@@ -259,6 +307,8 @@ def outlet(
     acquisition.append_child_value("model", _clean(description.model))
     acquisition.append_child_value("serial_number", _clean(description.serial))
     acquisition.append_child_value("frame", _clean(description.frame))
+    # Stamps are times of measurement, as the device tells them: nothing was subtracted.
+    acquisition.append_child_value("compensated_lag", "0")
     _describe_clock(info, clock)
     events = Events(where, hub=hub, node=node)
     return _DeviceOutlet(info, events, clock, period, channels=channels)
@@ -272,6 +322,7 @@ class _MarkerOutlet(Outlet):
     def _push(self) -> None:
         for received in self._events:
             for event in received if isinstance(received, tuple) else (received,):
+                self._learn_uncertainty(event.uncertainty_ns)
                 self._outlet.push_sample([self._text(event)], self.clock.stamp_of(event.time_ns))
 
 
@@ -343,9 +394,10 @@ def _describe_clock(info: pylsl.StreamInfo, clock: Clock) -> None:
     """Adds XDF's description of the stamps' error, in seconds."""
     description = info.desc().append_child("synchronization")
     description.append_child_value("time_source", "RTPM")
-    description.append_child_value(
-        "offset_mean", "0" if math.isfinite(clock.uncertainty_s) else "nan"
-    )
+    centre = "0" if math.isfinite(clock.uncertainty_s) else "nan"
+    description.append_child_value("offset_mean", centre)
+    description.append_child_value("offset_median", centre)
+    description.append_child_value("offset_rms", f"{clock.uncertainty_s:g}")
     description.append_child_value("offset_5_centile", f"{-clock.uncertainty_s:g}")
     description.append_child_value("offset_95_centile", f"{clock.uncertainty_s:g}")
     description.append_child_value("can_drop_samples", "true")
@@ -371,9 +423,12 @@ class Pulled(NamedTuple):
 
 
 class Inlet(endings.Closing):
-    """An LSL stream, as an iterator of its samples."""
+    """An LSL stream, as an iterator of its samples.
 
-    def __init__(self, where: str, *, timeout: float = 5.0) -> None:
+    A thread takes them from LSL as they come; what the program takes too late is dropped and counted.
+    """
+
+    def __init__(self, where: str, *, timeout: float = 5.0, queue: int | None = None) -> None:
         """Opens the stream that `where` names; see rtpm.lsl.inlet()."""
         self._inlet: Any = None
         info = _find(where, timeout)
@@ -382,7 +437,13 @@ class Inlet(endings.Closing):
         #: How many samples it has per second; 0 if they come irregularly.
         self.rate_hz = float(info.nominal_srate())
         self._is_text = info.channel_format() == pylsl.cf_string
-        self._waiting: collections.deque[Pulled] = collections.deque()
+        if queue is None:
+            queue = round(_QUEUE_S * (self.rate_hz or 100))
+        self._waiting: collections.deque[tuple[int, int, Any]] = collections.deque(maxlen=queue)
+        #: How many samples were dropped, because `queue` newer ones waited for the program.
+        self.losses = 0
+        self._problem: errors.Error | None = None
+        self._news = threading.Condition()
         self._clock = measure_clock()
         self._inlet = pylsl.StreamInlet(info, max_buflen=_QUEUE_S)
         try:
@@ -393,8 +454,15 @@ class Inlet(endings.Closing):
             raise errors.Timeout(
                 f"LSL stream {self.name!r} did not answer within {timeout:g} s; is its program still running?"
             ) from None
-        #: The channels' labels; empty where the stream has none.
+        #: The channels' labels, units; empty where the stream has none.
         self.channels = [_clean(label or "") for label in full.get_channel_labels() or []]
+        self.units = [_clean(unit or "") for unit in full.get_channel_units() or []]
+        self.channel_count = int(info.channel_count())
+        #: What the stream's program calls its source; empty if it does not.
+        self.source_id = _clean(info.source_id())
+        self._thread = threading.Thread(target=self._take, name="rtpm-lsl-inlet", daemon=True)
+        self._thread.start()
+        endings.before_exit(self)
 
     def correction(self) -> Clock:
         """What is added to the stream's stamps for this host's time.monotonic(), and its error's bound."""
@@ -426,22 +494,31 @@ class Inlet(endings.Closing):
 
     def next(self, timeout: float | None = None) -> Pulled:
         """The next sample. Raises rtpm.Timeout if none arrives in time."""
-        if not self._waiting:
-            times_ns, values, uncertainty_ns = self._pull(timeout)
-            for time_ns, value in zip(times_ns.tolist(), values.tolist(), strict=True):
-                self._waiting.append(Pulled(time_ns, uncertainty_ns, self._texts(value)))
-        return self._waiting.popleft()
+        with self._news:
+            self._await(timeout)
+            time_ns, uncertainty_ns, value = self._waiting.popleft()
+        return Pulled(time_ns, uncertainty_ns, self._texts(value.tolist()))
 
     def batches(self, timeout: float | None = None) -> Iterator[tuple[Any, Any]]:
         """Yields the samples that wait: their times as an array of nanoseconds, and an array of rows."""
         while self._inlet is not None:
-            times_ns, values, _ = self._pull(timeout)
-            yield times_ns, values
+            with self._news:
+                self._await(timeout)
+                rows = list(self._waiting)
+                self._waiting.clear()
+            times_ns = numpy.array([time_ns for time_ns, _, _ in rows], numpy.int64)
+            yield times_ns, numpy.array([value for _, _, value in rows])
 
     def close(self) -> None:
         """Closes the stream."""
-        self._inlet = None
-        self._waiting.clear()
+        with self._news:
+            self._inlet = None
+            self._waiting.clear()
+            self._news.notify_all()
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+
+    stop = close
 
     @property
     def _open(self) -> Any:
@@ -449,22 +526,45 @@ class Inlet(endings.Closing):
             raise errors.Error("this LSL inlet is closed")
         return self._inlet
 
-    def _pull(self, timeout: float | None) -> tuple[Any, Any, int]:
+    def _await(self, timeout: float | None) -> None:
+        """Waits for a sample; the caller has the lock."""
         end = math.inf if timeout is None else time.monotonic() + timeout
-        while True:
-            wait = min(_SLICE_S, max(0.0, end - time.monotonic()))
-            try:
-                values, stamps = self._open.pull_chunk(wait, 1024, min_samples=1, as_numpy=True)
-            except pylsl.util.LostError:
-                raise errors.Disconnected(
-                    f"LSL stream {self.name!r} was lost, and has no source id to find it again by"
-                ) from None
-            if len(stamps):
-                correction = self.correction()
-                times_ns = numpy.rint((stamps + correction.offset_s) * 1e9).astype(numpy.int64)
-                return times_ns, values, round(correction.uncertainty_s * 1e9)
-            if time.monotonic() >= end:
+        while not self._waiting:
+            assert self._open
+            if self._problem is not None:
+                raise self._problem
+            left = end - time.monotonic()
+            if left <= 0:
                 raise errors.Timeout(f"LSL stream {self.name!r} had no sample within {timeout:g} s")
+            self._news.wait(min(_SLICE_S, left))
+
+    def _take(self) -> None:
+        """Moves samples from LSL's buffer to the program's."""
+        while (inlet := self._inlet) is not None:
+            try:
+                values, stamps = inlet.pull_chunk(_SLICE_S, 1024, min_samples=1, as_numpy=True)
+                if not len(stamps):
+                    continue
+                correction = self.correction()
+            except pylsl.util.LostError:
+                self._fail(
+                    f"LSL stream {self.name!r} was lost, and has no source id to find it again by"
+                )
+                return
+            except (errors.Error, pylsl.util.TimeoutError):
+                continue  # Closed meanwhile, or its clock did not answer: the next chunk tells.
+            times_ns = numpy.rint((stamps + correction.offset_s) * 1e9).astype(numpy.int64)
+            uncertainty_ns = round(correction.uncertainty_s * 1e9)
+            with self._news:
+                for time_ns, value in zip(times_ns.tolist(), values, strict=True):
+                    self.losses += len(self._waiting) == self._waiting.maxlen
+                    self._waiting.append((time_ns, uncertainty_ns, value))
+                self._news.notify_all()
+
+    def _fail(self, text: str) -> None:
+        with self._news:
+            self._problem = errors.Disconnected(text)
+            self._news.notify_all()
 
     def _texts(self, value: list[Any]) -> list[Any]:
         if not self._is_text:
@@ -490,11 +590,196 @@ def _find(where: str, timeout: float) -> Any:
     return found[0]
 
 
-def inlet(where: str, *, timeout: float = 5.0) -> Inlet:
+def inlet(where: str, *, timeout: float = 5.0, queue: int | None = None) -> Inlet:
     """Opens an LSL stream, for use in a `with` statement.
 
     where: LSL's predicate, such as "name='BioSemi'" or "type='EEG'"; the first stream is taken that is
     found within `timeout` seconds. The stream's stamps are converted to this host's clock. If its program
-    restarts, the inlet goes on. At most 60 s of it wait for this program; older samples are dropped.
+    restarts, the inlet goes on. queue: how many samples wait at most for this program, those of 60 s by
+    default; older ones are dropped, and counted in `losses`.
     """
-    return Inlet(where, timeout=timeout)
+    return Inlet(where, timeout=timeout, queue=queue)
+
+
+# ---- streams as devices -------------------------------------------------------------------------
+
+#: How many channels of a stream a sample takes; one more analog has the time's uncertainty.
+CHANNEL_COUNT_MAX = 7
+_ACTIVE, _FAULT = 2, 3
+_DEVICE_GONE = 1 << 2
+
+
+class _StreamServant(DeviceServant):
+    """Answers for a device that only measures: it describes itself, and has no force to command."""
+
+    def __init__(self, name: str, description: Description) -> None:
+        self._name = name
+        self._description = description
+        self.newest = Sample(orientation=Quaternion(0, 0, 0, 1), lifecycle=_ACTIVE)
+
+    def describe(self) -> Description:
+        return self._description
+
+    def read(self) -> Sample:
+        return self.newest
+
+    def emergency_stop(self, request: Any) -> Outcome:
+        return Outcome()  # Nothing moves.
+
+    def lease_state(self, request: Any) -> LeaseStanding:
+        return LeaseStanding()
+
+    def read_flight_record(self, request: Any) -> FlightRecordReply:
+        return FlightRecordReply(cycles=[])
+
+    def _refuse(self, *request: Any) -> Any:
+        raise Refusal(f"{self._name} is an LSL stream: it measures, and takes no commands")
+
+    command = acquire = renew = release = recover = activate = deactivate = take_over = _refuse
+    rearm = set_models = _refuse
+
+
+class StreamDevice(endings.Closing):
+    """An LSL stream that is a device of RTPM until it is closed."""
+
+    def __init__(
+        self,
+        where: str,
+        name: str,
+        *,
+        channels: Sequence[int] | None,
+        hub: str,
+        node: Node | None,
+        timeout: float,
+    ) -> None:
+        self.name = name
+        self.inlet = Inlet(where, timeout=timeout)
+        self._source = source_of(name)
+        try:
+            self._channels = self._choose(channels)
+            self._servant = _StreamServant(name, self._description())
+            self._supplier = Supplier(Sampled, hub=hub, source=self._source, node=node)
+            self._server = serve({name: self._servant}, node=node)
+        except BaseException:
+            self.inlet.close()
+            raise
+        self._thread = threading.Thread(target=self._run, name="rtpm-lsl-device", daemon=True)
+        self._thread.start()
+        endings.before_exit(self)
+
+    @property
+    def losses(self) -> int:
+        """How many samples of the stream were dropped because this program was too slow."""
+        return self.inlet.losses
+
+    def close(self) -> None:
+        """Ends the device."""
+        self.inlet.close()
+        self._thread.join()
+        self._server.stop()
+        self._supplier.close()
+
+    stop = close
+
+    def _choose(self, channels: Sequence[int] | None) -> list[int]:
+        count = self.inlet.channel_count
+        if self.inlet._is_text:
+            raise errors.SetupError(
+                f"LSL stream {self.inlet.name!r} consists of texts; read it by rtpm.lsl.inlet()"
+            )
+        if channels is None:
+            if count > CHANNEL_COUNT_MAX:
+                _log.warning(
+                    "%s: the device has %d of the %d channels; `channels` chooses which",
+                    self.name,
+                    CHANNEL_COUNT_MAX,
+                    count,
+                )
+            return list(range(min(count, CHANNEL_COUNT_MAX)))
+        if not 1 <= len(channels) <= CHANNEL_COUNT_MAX or not all(
+            0 <= each < count for each in channels
+        ):
+            raise ValueError(
+                f"channels takes 1 to {CHANNEL_COUNT_MAX} numbers from 0 to {count - 1}"
+            )
+        return list(channels)
+
+    def _description(self) -> Description:
+        def entry(texts: list[str], channel: int, default: str) -> str:
+            return (texts[channel] if channel < len(texts) else "") or default
+
+        analogs = [
+            Analog(
+                name=entry(self.inlet.channels, channel, f"channel {channel}"),
+                unit=entry(self.inlet.units, channel, "1"),
+            )
+            for channel in self._channels
+        ]
+        return Description(
+            device_class=DeviceClass.Biometric,
+            model=f"LSL {self.inlet.type or 'stream'}",
+            serial=self.inlet.source_id or self.inlet.name,
+            frame="none",
+            axes=[],
+            buttons=[],
+            analogs=[*analogs, Analog(name="time uncertainty", unit="s")],
+            workspace_low_m=Vector3(0, 0, 0),
+            workspace_high_m=Vector3(0, 0, 0),
+            rate_hz=self.inlet.rate_hz,
+            joints=[],
+            outputs=[],
+            modes=[],
+        )
+
+    def _run(self) -> None:
+        sequence = 0
+        try:
+            for pulled in self.inlet:
+                sequence += 1
+                self._publish(sequence, pulled)
+        except errors.Disconnected as error:
+            _log.error("%s: %s", self.name, error)
+            gone = {"lifecycle": _FAULT, "faults": _DEVICE_GONE, "success_rate": 0.0}
+            self._servant.newest = cast(Sample, replace(self._servant.newest, **gone))
+        except errors.Error:
+            if self.inlet._inlet is not None:
+                _log.exception("%s: the device gets no more data", self.name)
+
+    def _publish(self, sequence: int, pulled: Pulled) -> None:
+        values = [float(pulled.value[channel]) for channel in self._channels]
+        values.append(pulled.uncertainty_ns * 1e-9)
+        sample = Sample(
+            sequence=sequence,
+            host_time_ns=pulled.time_ns,
+            orientation=Quaternion(0, 0, 0, 1),
+            analogs=values + [0.0] * (8 - len(values)),
+            success_rate=1.0,
+            lifecycle=_ACTIVE,
+        )
+        self._servant.newest = sample
+        try:
+            self._supplier.push(sample, time_ns=pulled.time_ns)
+        except errors.CallError as error:
+            _log.warning("%s: a sample did not reach the hub: %s", self.name, error)
+
+    def __repr__(self) -> str:
+        return f"<rtpm.lsl.StreamDevice {self.name!r} of {self.inlet!r}>"
+
+
+def device(
+    where: str,
+    name: str,
+    *,
+    channels: Sequence[int] | None = None,
+    hub: str = "rtpm/events",
+    node: Node | None = None,
+    timeout: float = 5.0,
+) -> StreamDevice:
+    """Makes an LSL stream a device of class biometric, named `name`, for use in a `with` statement.
+
+    Its samples go to `hub`, so that pages, recordings and filters have them beside those of other
+    devices, with their times on this host's clock. channels: which, by number from 0; at most seven,
+    the first ones by default. They are the sample's analogs, and one more is the bound of the time's
+    error in seconds. The device takes no commands.
+    """
+    return StreamDevice(where, name, channels=channels, hub=hub, node=node, timeout=timeout)

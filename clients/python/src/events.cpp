@@ -114,7 +114,8 @@ nb::tuple to_python(const Subscription& self, const WaitingEvent& event) {
   const events::EventHeader& header = event.header;
   return nb::make_tuple(header.type, header.schema_id, self.host_time_ns(event), header.source,
                         header.sequence, header.priority.value(), header.is_replayed,
-                        nb::bytes(event.payload.data(), event.payload.size()));
+                        nb::bytes(event.payload.data(), event.payload.size()),
+                        self.uncertainty_ns(event));
 }
 
 /// The next delivery: an event, or the list of the events of a conjunction; None if nothing waits.
@@ -166,11 +167,12 @@ nb::tuple losses(const Subscription& self) {
 }
 
 /// The next events like the one that peek() described, packed as rtpm/events.py lays them out:
-/// time, source, sequence, and at `offset` the payload.
-nb::bytearray take_records(Subscription& self, std::size_t count_max, events::EventType type,
-                           std::uint64_t schema_id, std::size_t payload_size, std::size_t offset,
-                           std::size_t record_size) {
+/// time, source, sequence, and at `offset` the payload; and the largest uncertainty of their times.
+nb::tuple take_records(Subscription& self, std::size_t count_max, events::EventType type,
+                       std::uint64_t schema_id, std::size_t payload_size, std::size_t offset,
+                       std::size_t record_size) {
   std::vector<std::byte> bytes;
+  std::uint32_t uncertainty_ns = 0;
   {
     const Released released;
     events::EventHeader header{.type = type};
@@ -180,6 +182,7 @@ nb::bytearray take_records(Subscription& self, std::size_t count_max, events::Ev
     std::byte* at = bytes.data();
     for (const WaitingEvent& event : events) {
       const std::int64_t time_ns = self.host_time_ns(event);
+      uncertainty_ns = std::max(uncertainty_ns, self.uncertainty_ns(event));
       const std::uint64_t source = event.header.source;
       std::memcpy(at, &time_ns, sizeof time_ns);
       std::memcpy(at + 8, &source, sizeof source);
@@ -188,7 +191,7 @@ nb::bytearray take_records(Subscription& self, std::size_t count_max, events::Ev
       at += record_size;
     }
   }
-  return nb::bytearray(bytes.data(), bytes.size());
+  return nb::make_tuple(nb::bytearray(bytes.data(), bytes.size()), uncertainty_ns);
 }
 
 /// Number, name, fingerprint and schema of each type that the hub knows.

@@ -177,6 +177,12 @@ std::int64_t Subscription::host_time_ns(const WaitingEvent& event) const {
   return to_ns(origin);
 }
 
+std::uint32_t Subscription::uncertainty_ns(const WaitingEvent& event) const {
+  const std::lock_guard lock(consumer_mutex_);
+  const bool is_same_clock = consumer_ != nullptr && consumer_->reads_ring();
+  return is_same_clock ? event.header.origin_uncertainty_ns : events::kUncertaintyUnknown;
+}
+
 MissedEvents Subscription::missed() const {
   std::optional<events::Losses> on_the_way;
   {

@@ -82,6 +82,8 @@ class Subscription final : public events::EventHandler {
   [[nodiscard]] bool is_closed() const;
   /// The event's origin on this host's clock.
   [[nodiscard]] std::int64_t host_time_ns(const WaitingEvent& event) const;
+  /// The bound of that time's error; events::kUncertaintyUnknown from a hub on another host.
+  [[nodiscard]] std::uint32_t uncertainty_ns(const WaitingEvent& event) const;
   [[nodiscard]] MissedEvents missed() const;
   /// A descriptor that is readable while wait() would return at once.
   /// @errors -1, and errno is set

@@ -16,6 +16,9 @@ import pytest
 import rtpm
 from conftest import PROGRAMS, Laboratory
 from rtpm import schemas
+from rtpm.events import source_of
+from rtpm.idl import device_rtpm
+from rtpm.idl.device_events_rtpm import Sampled
 
 np = pytest.importorskip("numpy")
 # Names what it lacks.
@@ -81,7 +84,11 @@ def run(
         rtpm.supplier(Trial, node=node, source=3) as trials,
     ):
         xdf = subprocess.Popen(
-            [str(lab_recorder), str(folder / "run.xdf"), "name='lab/arm0' or name='marks'"],
+            [
+                str(lab_recorder),
+                str(folder / "run.xdf"),
+                "name='lab/arm0' or name='marks' or name='lab/arm0.clock'",
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -156,18 +163,68 @@ def test_the_stream_is_described(run: tuple[rtpm.Recording, dict[str, Any], Any]
         for each in described["channels"][0]["channel"]
     ]
     assert channels == [
-        ("x", "PositionX", "m"),
-        ("y", "PositionY", "m"),
-        ("z", "PositionZ", "m"),
-        ("fx", "ForceX", "N"),
-        ("fy", "ForceY", "N"),
-        ("fz", "ForceZ", "N"),
+        ("x", "PositionX", "meters"),
+        ("y", "PositionY", "meters"),
+        ("z", "PositionZ", "meters"),
+        ("fx", "ForceX", "newtons"),
+        ("fy", "ForceY", "newtons"),
+        ("fz", "ForceZ", "newtons"),
         ("buttons", "Buttons", "bits"),
         ("sequence", "Sequence", "1"),
     ]
     assert described["acquisition"][0]["model"] == ["RTPM simulated arm"]
     assert described["acquisition"][0]["serial_number"] == ["sim-arm0"]
+    assert described["acquisition"][0]["compensated_lag"] == ["0"]
     assert float(described["synchronization"][0]["offset_95_centile"][0]) < 1e-3
+    assert float(described["synchronization"][0]["offset_rms"][0]) < 1e-3
+
+
+def test_orientations_are_w_first() -> None:
+    axes = [
+        device_rtpm.Axis(name=name, is_sensed=True, is_actuated=False)
+        for name in ("x", "y", "z", "rx", "ry", "rz")
+    ]
+    zero = rtpm.Vector3(0, 0, 0)
+    description = rtpm.Description(
+        model="",
+        serial="",
+        frame="",
+        axes=axes,
+        buttons=[],
+        analogs=[],
+        workspace_low_m=zero,
+        workspace_high_m=zero,
+        joints=[],
+        outputs=[],
+        modes=[],
+    )
+    turns = [each for each in lsl.channels_of(description) if each.field == "orientation"]
+    assert [(each.type, each.part) for each in turns] == [
+        ("OrientationA", "w"),
+        ("OrientationB", "x"),
+        ("OrientationC", "y"),
+        ("OrientationD", "z"),
+    ]
+
+
+def test_the_clocks_stream_tells_the_uncertainty(
+    run: tuple[rtpm.Recording, dict[str, Any], Any],
+) -> None:
+    stream = run[1]["lab/arm0.clock"]
+    assert float(stream["info"]["nominal_srate"][0]) == 1
+    values = stream["time_series"][:, 0]
+    assert len(values) >= 1
+    # Everything is on this host.
+    assert (values > 0).all() and (values < 1e-3).all()
+
+
+def test_an_unknown_uncertainty_is_no_number(laboratory: Laboratory, node: rtpm.Node) -> None:
+    with lsl.markers("source(99)", name="silent", node=node) as silent:
+        assert np.isnan(silent.uncertainty_s)
+        silent._learn_uncertainty(1000)
+        assert 1e-6 <= silent.uncertainty_s < 1e-3
+        silent._learn_uncertainty(None)
+        assert np.isnan(silent.uncertainty_s)
 
 
 def test_events_are_markers_with_equal_stamps(
@@ -248,6 +305,75 @@ def test_a_stream_of_another_program_is_an_iterator(source: None) -> None:
         assert times_ns[0] > second.time_ns
     with pytest.raises(StopIteration):
         next(pulse)
+
+
+def test_a_slow_program_loses_the_oldest_samples_and_counts_them(source: None) -> None:
+    with lsl.inlet("name='pulse'", timeout=20, queue=10) as pulse:
+        pulse.next(10)
+        enough, end = pulse.losses + 20, time.monotonic() + 20
+        while pulse.losses < enough and time.monotonic() < end:
+            time.sleep(0.01)
+        assert pulse.losses >= enough
+        times_ns, _ = next(pulse.batches(5))
+        assert len(times_ns) == 10
+        assert time.monotonic_ns() - times_ns[0] < 5_000_000_000
+
+
+def test_a_stream_is_a_biometric_device(
+    source: None, laboratory: Laboratory, node: rtpm.Node, tmp_path: Path
+) -> None:
+    chosen = rtpm.Filter(
+        f"type(rtpm.device.Sampled) and source({source_of('lab/pulse')})", (Sampled,)
+    )
+    with (
+        rtpm.events(chosen, node=node) as events,
+        lsl.device("name='pulse'", "lab/pulse", node=node, timeout=20) as pulse,
+        rtpm.connect("lab/pulse", node=node) as client,
+    ):
+        remote: Any = client
+        first, second = events.next(10), events.next(10)
+        assert first.device == "lab/pulse"
+        assert second.value.sequence == first.value.sequence + 1
+        for event in (first, second):
+            value = event.value
+            assert event.time_ns == value.host_time_ns
+            # The value is the stamp by this host's clock, in seconds, as a float of 32 bits.
+            assert value.analogs[0] == pytest.approx(value.host_time_ns * 1e-9, abs=0.05)
+            assert value.analogs[1] == 2
+            assert 0 < value.analogs[2] < 0.1
+        description = remote.describe()
+        assert description.device_class == device_rtpm.DeviceClass.Biometric
+        assert [(each.name, each.unit) for each in description.analogs] == [
+            ("Fz", "1"),
+            ("C?z", "1"),
+            ("time uncertainty", "s"),
+        ]
+        assert description.serial == "pulse-1" and description.rate_hz == 200
+        assert remote.read().sequence >= second.value.sequence
+        remote.emergency_stop(device_rtpm.Stop())
+        with pytest.raises(rtpm.BadRequest, match="takes no commands"):
+            remote.acquire()
+        recorded = subprocess.run(
+            [
+                str(PROGRAMS / "rtpm"),
+                "--registry",
+                laboratory.registry.url,
+                "record",
+                str(tmp_path / "eeg.mcap"),
+                "--for",
+                "500ms",
+            ],
+            stdout=subprocess.DEVNULL,
+            env=os.environ | {"RTPM_RUNTIME_FOLDER": str(laboratory.folder)},
+        )
+        assert recorded.returncode == 0
+        assert pulse.losses == 0
+    with rtpm.open(tmp_path / "eeg.mcap") as recording:
+        assert len(list(recording["lab/pulse"])) > 20
+    with pytest.raises(rtpm.SetupError, match="consists of texts"):
+        lsl.device("name='words'", "lab/words", node=node, timeout=20)
+    with pytest.raises(ValueError, match="numbers from 0 to 1"):
+        lsl.device("name='pulse'", "lab/pulse", channels=[2], node=node, timeout=20)
 
 
 def test_texts_that_are_no_utf8_are_read(source: None) -> None:
