@@ -38,6 +38,7 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/events/limits.hpp
   rtpm/events/scalar.hpp
   rtpm/events/supplier.hpp
+  rtpm/events/trials.hpp
   rtpm/events/typed.hpp
   rtpm/gvd/client.hpp
   rtpm/gvd/client_command.hpp

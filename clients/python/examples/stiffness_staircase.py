@@ -48,14 +48,17 @@ def run_trials(tip: rtpm.Tip, is_person: bool) -> tuple[list[tuple[float, bool]]
         touch(tip, samples, REFERENCE)  # The device begins softly.
     while len(reversals) < REVERSAL_COUNT:
         walls = random.sample((REFERENCE, REFERENCE * (1 + difference)), 2)
-        first, second = (touch(tip, samples, wall) * random.gauss(1, WEBER) for wall in walls)
-        if is_person:
-            tip.set_models()
-            while (answer := input("Which was stiffer, 1 or 2? ")) not in ("1", "2"):
-                pass
-            is_first = answer == "1"
-        else:
-            is_first = first > second
+        # `rtpm record` has each trial beside the samples.
+        with rtpm.trial(len(trials) + 1, f"{walls[0]:.1f} and {walls[1]:.1f} N/m") as trial:
+            first, second = (touch(tip, samples, wall) * random.gauss(1, WEBER) for wall in walls)
+            if is_person:
+                tip.set_models()
+                while (answer := input("Which was stiffer, 1 or 2? ")) not in ("1", "2"):
+                    pass
+                is_first = answer == "1"
+            else:
+                is_first = first > second
+            trial.response = "1" if is_first else "2"
         is_right = is_first == (walls[0] > walls[1])
         trials.append((difference, is_right))
         right_count = right_count + 1 if is_right else 0

@@ -62,6 +62,7 @@ from .events import (
 )
 from .recordings import Recorded, Recording, Topic, open
 from .servants import Call, Refusal, Servant, Server, current_call, serve
+from .trials import RunningTrial, mark, trial
 from .values import Buffer, Event, Struct, Table, Vector, replace
 
 # After values and calls, which it is made with.
@@ -82,6 +83,8 @@ from .idl.device_rtpm import (  # isort: skip
     Spring,
     Vector3,
 )
+
+from .idl.trial_rtpm import Trial, TrialPhase  # isort: skip
 
 Wall = Plane
 
@@ -167,6 +170,7 @@ __all__ = [
     "RecordingError",
     "Refusal",
     "Refused",
+    "RunningTrial",
     "Sample",
     "Servant",
     "ServantFailed",
@@ -186,6 +190,8 @@ __all__ = [
     "Tip",
     "TooLarge",
     "Topic",
+    "Trial",
+    "TrialPhase",
     "Unreachable",
     "Vector",
     "Vector3",
@@ -204,6 +210,7 @@ __all__ = [
     "device",
     "events",
     "many",
+    "mark",
     "open",
     "plot",
     "replace",
@@ -211,5 +218,6 @@ __all__ = [
     "silence",
     "supplier",
     "transport_of",
+    "trial",
     "url_of",
 ]

@@ -150,6 +150,7 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_ping(*program, context);
   add_echo(*program, context);
   add_pub(*program, context);
+  add_mark(*program, context);
   add_hz(*program, context);
   add_record(*program, context);
   add_play(*program, context);

@@ -14,6 +14,7 @@
 #include "fixture.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/supplier.hpp"
+#include "rtpm/events/trials.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/test/os.hpp"
@@ -480,6 +481,23 @@ TEST_F(Consoles, ServeManyEventSourcesWithinLimits) {
   EXPECT_LE(count_of("Threads:"), thread_count + 2);
   EXPECT_LE(count_of("VmRSS:"), resident_kb + 64 * 1024);
   EXPECT_TRUE(is_live(client->await_state([](const Json&) { return true; }), "lab/arm0"));
+}
+
+TEST_F(Consoles, ShowTheTrialsOfAnExperiment) {
+  const auto client = connect();
+  rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
+  names::RegistryResolver resolver(node, registry_->url);
+  node.use(resolver);
+  auto trials = events::TrialSupplier::create(node, std::string(events::kHubPath), 7);
+  ASSERT_TRUE(trials) << trials.error().text();
+  ASSERT_TRUE(trials->push({.number = 3, .note = "before"}));
+  ASSERT_TRUE(client->await_channel("rtpm.Trial/7"));
+  client->subscribe("rtpm.Trial/7");
+  ASSERT_TRUE(test::await([&] {
+    static_cast<void>(trials->push({.number = 3, .note = "touches the wall"}));
+    return client->next_message("rtpm.Trial/7").payload.find("touches the wall") !=
+           std::string::npos;
+  }));
 }
 
 TEST_F(Consoles, ListPublishersAndSubscribers) {

@@ -64,6 +64,7 @@ std::vector<Case> cases() {
       {"pub", "rtpm.device.ButtonChanged {cycle:1,button:2,is_pressed:true}", "1 event was pushed",
        "rtpm.device.ButtonChanged {cycle:1,button:256,is_pressed:true}", 1,
        "in the field 'button'"},
+      {"mark", "pause", "marked: pause", "pause --hub lab/none", 3, "lab/none"},
       {"hz", sampled + " --for 200ms", "JITTER RMS", "--hub rtpm/event", 3, "rtpm/events"},
       {"record", "NEW1 --for 200ms", " messages, ", "RUN --for 10ms", 1, "exists"},
       {"play", "DEVICES --speed 100 --folder again --hub none", ": played ", "RUN", 1,
@@ -269,7 +270,8 @@ TEST_F(Commands, RefuseInvalidNumbers) {
         "echo --every 0", "pub lab.Touched {} --count -1", "pub lab.Touched {} --source -1",
         "pub lab.Touched {} --source 99999999999", "call lab/arm0 read --priority 32768",
         "call lab/arm0 read --priority -1", "call lab/arm0 read --deadline 0s",
-        "config set lab/arm0 a=1 --revision -1"}) {
+        "config set lab/arm0 a=1 --revision -1", "mark --begin", "mark --trial 0",
+        "mark x --trial 3 --seed -1"}) {
     expect_one_sentence(run(arguments_of(command, "")), 2, {"--"});
   }
 }
@@ -319,6 +321,7 @@ TEST(CommandsWithoutARegistry, SayWhy) {
                               "echo",
                               "hz",
                               "pub lab.Touched {}",
+                              "mark pause",
                               "record NEW",
                               "config list lab/arm0",
                               "config get lab/arm0",

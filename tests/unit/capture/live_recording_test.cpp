@@ -1,11 +1,13 @@
 #include "rtpm/capture/live_recording.hpp"
 
 #include <device_events.rtpm.events.hpp>
+#include <trial.rtpm.events.hpp>
 
 #include "../recording/recorded.hpp"
 #include "rtpm/capture/channels.hpp"
 #include "rtpm/capture/read_events.hpp"
 #include "rtpm/events/hub_server.hpp"
+#include "rtpm/events/trials.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/utc.hpp"
 #include "rtpm/test/os.hpp"
@@ -37,6 +39,39 @@ class LiveRecordingTest : public testing::Test {
   std::unique_ptr<events::HubServer> hub_;
   std::unique_ptr<LiveRecording> recording_;
 };
+
+TEST_F(LiveRecordingTest, HasTheTrialsOfAnExperiment) {
+  auto trials = events::TrialSupplier::create(node_, hub_->url(), 4);
+  ASSERT_TRUE(trials) << trials.error().text();
+  using enum events::TrialPhase;
+  ASSERT_TRUE(trials->push({.phase = kBegin, .number = 3, .condition = "soft"}));
+  ASSERT_TRUE(trials->push({.number = 3, .note = "touches"}));
+  ASSERT_TRUE(trials->push({.phase = kEnd,
+                            .number = 3,
+                            .condition = "soft",
+                            .response = "first",
+                            .seed = 0,
+                            .duration = std::chrono::seconds{2}}));
+  ASSERT_TRUE(test::await([&] { return recording_->status().recorder.message_count == 3; }));
+  const auto reader = stopped();
+  ASSERT_NE(reader, nullptr);
+  std::vector<TrialT> read;
+  ASSERT_TRUE(read_events<TrialEvent>(*reader, [&](const auto& event) {
+    EXPECT_EQ(event.channel.topic, "rtpm.Trial/4");
+    event.payload.UnPackTo(&read.emplace_back());
+    return true;
+  }));
+  ASSERT_EQ(read.size(), 3u);
+  EXPECT_EQ(read[0].phase, TrialPhase::Begin);
+  EXPECT_EQ(read[0].condition, "soft");
+  EXPECT_FALSE(read[0].seed.has_value()) << "no seed is not seed 0";
+  EXPECT_EQ(read[1].phase, TrialPhase::Mark);
+  EXPECT_EQ(read[1].note, "touches");
+  EXPECT_EQ(read[2].number, 3u);
+  EXPECT_EQ(read[2].response, "first");
+  EXPECT_EQ(read[2].seed, 0u);
+  EXPECT_EQ(read[2].duration_ns, 2'000'000'000u);
+}
 
 TEST_F(LiveRecordingTest, HasTheEventsOfLaterSuppliersByType) {
   auto supplier = device::StopAllRequestedSupplier::create(hub_->hub(), 3);
