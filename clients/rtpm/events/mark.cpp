@@ -16,6 +16,8 @@ struct MarkRequest {
   std::string hub{events::kHubPath};
   events::Trial trial{};
   events::SourceId source = 0;
+  std::uint64_t seed = 0;
+  bool has_seed = false;
   bool is_begin = false;
   bool is_end = false;
 };
@@ -48,6 +50,7 @@ int mark(Context& context, MarkRequest& request) {
   const MonotonicTime origin = rt::now();
   events::Trial& trial = request.trial;
   const bool is_phase = request.is_begin || request.is_end;
+  if (request.has_seed) trial.seed = request.seed;
   if (request.is_begin) trial.phase = events::TrialPhase::kBegin;
   if (request.is_end) trial.phase = events::TrialPhase::kEnd;
   if (is_phase && trial.number == 0) {
@@ -103,11 +106,8 @@ void add_mark(CLI::App& program, Context& context) {
       ->type_name("TEXT");
   command.add_option("--response", request->trial.response, "The subject's response")
       ->type_name("TEXT");
-  command
-      .add_option_function<std::uint64_t>(
-          "--seed", [request](const std::uint64_t& seed) { request->trial.seed = seed; },
-          "The seed of the trial's random numbers")
-      ->type_name("NUMBER");
+  add_count(command, "--seed", request->seed, "The seed of the trial's random numbers")
+      .each([request](const std::string&) { request->has_seed = true; });
   add_count(command, "--source", request->source, "The source's number");
   command.add_option("--hub", request->hub, "The hub, by name or URL")->capture_default_str();
 }

@@ -484,14 +484,16 @@ TEST_F(Consoles, ServeManyEventSourcesWithinLimits) {
 }
 
 TEST_F(Consoles, ShowTheTrialsOfAnExperiment) {
-  const auto client = connect();
+  const auto client = connect_to_arm();
   rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
   names::RegistryResolver resolver(node, registry_->url);
   node.use(resolver);
   auto trials = events::TrialSupplier::create(node, std::string(events::kHubPath), 7);
   ASSERT_TRUE(trials) << trials.error().text();
-  ASSERT_TRUE(trials->push({.number = 3, .note = "before"}));
-  ASSERT_TRUE(client->await_channel("rtpm.Trial/7"));
+  static_cast<void>(client->await_state([&](const Json&) {
+    EXPECT_TRUE(trials->push({.number = 3, .note = "before"}));
+    return client->channels().contains("rtpm.Trial/7");
+  }));
   client->subscribe("rtpm.Trial/7");
   ASSERT_TRUE(test::await([&] {
     static_cast<void>(trials->push({.number = 3, .note = "touches the wall"}));
