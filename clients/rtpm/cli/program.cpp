@@ -166,6 +166,7 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_up(*program, context);
   add_down(*program, context);
   add_demo(*program, context);
+  add_ros2(*program, context);
   add_version(*program, context);
   add_completion(*program, context);
   add_manual(*program, context);

@@ -11,6 +11,7 @@ namespace rtpm::tool {
 void add_up(CLI::App& program, Context& context);
 void add_down(CLI::App& program, Context& context);
 void add_demo(CLI::App& program, Context& context);
+void add_ros2(CLI::App& program, Context& context);
 
 /// Starts a laboratory and displays it, until it is asked to end or its main programs have ended.
 /// @param plan  or the mistakes in its file, which are reported
