@@ -334,6 +334,7 @@ void Console::dismiss(const PendingCall& call, const nlohmann::json& request) {
 void Console::take_probe(const DeviceProbe& probe) {
   const auto device = devices_.find(probe.name);
   if (device != devices_.end()) device->second.take(probe, rt::now());
+  if (probe.descriptor) event_channels_.set_descriptor(probe.name, probe.descriptor);
 }
 
 void Console::take_event(const HubEvent& event) {

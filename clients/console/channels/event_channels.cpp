@@ -1,11 +1,15 @@
 #include "channels/event_channels.hpp"
 
+#include <algorithm>
+#include <cstring>
+#include <device_events.rtpm.events.hpp>
 #include <utility>
 
 #include "foxglove/base64.hpp"
 #include "foxglove/strict_json.hpp"
 #include "rtpm/base/nesting.hpp"
 #include "rtpm/gvd/device_event.hpp"
+#include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/utc.hpp"
 
 namespace rtpm::console {
@@ -29,6 +33,7 @@ void EventChannels::set_devices(const std::set<std::string>& names) {
       channels_.remove(topic);
       advertised_.erase(topic);
     }
+    remove_views(name);
   }
   devices_.clear();
   for (const std::string& name : names) {
@@ -42,6 +47,53 @@ void EventChannels::set_types(std::shared_ptr<const events::HubTypes> types) {
   types_ = std::move(types);
   for (const auto& [source, name] : devices_)
     advertise(name + "/sample", gvd::kSampled);
+}
+
+void EventChannels::set_descriptor(const std::string& name,
+                                   std::shared_ptr<const driver::Descriptor> descriptor) {
+  const auto known = drawn_.find(name);
+  const bool is_same = known != drawn_.end() && known->second.descriptor == descriptor;
+  if (is_same || !devices_.contains(gvd::source_of(name))) return;
+  remove_views(name);
+  viewers::DeviceView view(name, *descriptor);
+  for (const viewers::Channel& channel : view.channels()) {
+    const viewers::Schema schema = viewers::schema_of(channel.type);
+    channels_.add({.topic = channel.topic,
+                   .encoding = "flatbuffer",
+                   .schema_name = std::string(schema.name),
+                   .schema = foxglove::to_base64(schema.reflection),
+                   .schema_encoding = "flatbuffer"});
+  }
+  drawn_.insert_or_assign(name, Drawn{std::move(descriptor), std::move(view)});
+}
+
+void EventChannels::remove_views(const std::string& device) {
+  const auto found = drawn_.find(device);
+  if (found == drawn_.end()) return;
+  for (const viewers::Channel& channel : found->second.view.channels()) {
+    if (channel.topic != viewers::kTransformTopic) channels_.remove(channel.topic);
+  }
+  drawn_.erase(found);
+}
+
+void EventChannels::publish_views(const std::string& device, const HubEvent& event) {
+  const auto found = drawn_.find(device);
+  device::Sample wire;
+  if (found == drawn_.end() || event.payload.size() != sizeof wire ||
+      event.header.schema_id != device::SampledEvent::kSchemaId) {
+    return;
+  }
+  viewers::DeviceView& view = found->second.view;
+  const bool is_wanted = std::ranges::any_of(view.channels(), [&](const auto& channel) {
+    return channels_.has_subscriber(channels_.find(channel.topic));
+  });
+  if (!is_wanted) return;
+  std::memcpy(&wire, event.payload.data(), sizeof wire);
+  const std::uint64_t time_ns = log_time_ns(event);
+  for (const auto& due : view.take(gvd::from_wire(wire), time_ns)) {
+    channels_.publish(channels_.find(view.channels()[due.channel].topic), time_ns,
+                      {reinterpret_cast<const char*>(due.message.data()), due.message.size()});
+  }
 }
 
 const std::string* EventChannels::device_of(events::SourceId source) const {
@@ -64,7 +116,7 @@ bool EventChannels::advertise(const std::string& topic, events::EventType type) 
   channels_.add({.topic = topic,
                  .encoding = "flatbuffer",
                  .schema_name = std::string(known->name),
-                 .schema = foxglove::to_base64(dynamic->reflection()),
+                 .schema = foxglove::to_base64(dynamic->flat_reflection(known->name)),
                  .schema_encoding = "flatbuffer"});
   return true;
 }
@@ -114,7 +166,9 @@ void EventChannels::publish(const HubEvent& event) {
   const std::string* const device = device_of(event.header.source);
   switch (event.stream) {
     case EventStream::kSample:
-      if (device != nullptr) publish_table(*device + "/sample", event);
+      if (device == nullptr) break;
+      publish_table(*device + "/sample", event);
+      publish_views(*device, event);
       break;
     case EventStream::kChange:
       if (device != nullptr && !event.header.is_replayed) publish_change(*device, event);

@@ -12,7 +12,9 @@
 #include "channels/channel_table.hpp"
 #include "live/callbacks.hpp"
 #include "rtpm/capture/event_schemas.hpp"
+#include "rtpm/driver/descriptor.hpp"
 #include "rtpm/events/hub_types.hpp"
+#include "rtpm/viewers/device_view.hpp"
 
 namespace rtpm::console {
 
@@ -31,6 +33,9 @@ class EventChannels {
 
   void set_devices(const std::set<std::string>& names);
   void set_types(std::shared_ptr<const events::HubTypes> types);
+  /// Adds the channels that viewers draw of a device, from its samples.
+  void set_descriptor(const std::string& name,
+                      std::shared_ptr<const driver::Descriptor> descriptor);
   /// Sends the event to the subscribers of its channel.
   void publish(const HubEvent& event);
   /// Sends an event of a log filter to the filter's connection.
@@ -48,11 +53,20 @@ class EventChannels {
   bool advertise(const std::string& topic, events::EventType type);
   void publish_generic(const HubEvent& event);
   void publish_table(const std::string& topic, const HubEvent& event);
+  /// Removes the channels that a device does not share.
+  void remove_views(const std::string& device);
+  void publish_views(const std::string& device, const HubEvent& event);
   void publish_change(const std::string& device, const HubEvent& event);
   [[nodiscard]] nlohmann::ordered_json payload_json(const HubEvent& event);
 
+  struct Drawn {
+    std::shared_ptr<const driver::Descriptor> descriptor{};
+    viewers::DeviceView view;
+  };
+
   ChannelTable& channels_;
   std::map<events::SourceId, std::string> devices_{};
+  std::map<std::string, Drawn> drawn_{};  ///< Keyed by device.
   std::shared_ptr<const events::HubTypes> types_{};
   capture::EventSchemas schemas_{};
   std::map<std::string, std::uint64_t> advertised_{};  ///< Maps topics to schema ids.

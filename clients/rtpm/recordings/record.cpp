@@ -281,7 +281,7 @@ void add_record(CLI::App& program, Context& context) {
       "  rtpm record run.mcap --filter 'type(lab.Touched) or type(rtpm.device.Sampled)'\n"
       "  rtpm record run.mcap --devices lab/knob0 --poll-rate 200\n"
       "  rtpm record run.mcap --calls lab/arm0 --calls lab/arm1\n"
-      "Foxglove and others open the file: MCAP with embedded FlatBuffers schemas, a channel per\n"
+      "Foxglove and Lichtblick open the file: MCAP with embedded FlatBuffers schemas, a channel per\n"
       "type and source, of a device by its name: lab/arm0/sampled, lab/arm0/description. `rtpm\n"
       "play` re-creates these devices. --calls records requests, responses and how calls went:\n"
       "lab/arm0/read/request, lab/arm0/read/response, lab/arm0/calls; events come along only with\n"

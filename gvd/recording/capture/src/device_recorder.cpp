@@ -15,6 +15,7 @@
 #include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
+#include "view_recorder.hpp"
 
 namespace rtpm::capture {
 namespace {
@@ -56,8 +57,15 @@ expected<std::uint16_t, SetupError> add_samples_channel(recording::Recorder& rec
 /// Records the samples of one device, on its poller's thread.
 class Samples final : public gvd::SampleSink {
  public:
-  Samples(recording::Recorder& recorder, std::uint16_t channel)
-      : recorder_(recorder), track_(recorder.add_track()), channel_(channel) {}
+  Samples(recording::Recorder& recorder, std::uint16_t channel, const std::string& device,
+          const driver::Descriptor& descriptor)
+      : recorder_(recorder),
+        track_(recorder.add_track()),
+        channel_(channel),
+        source_(gvd::source_of(device)),
+        view_(recorder, track_) {
+    view_.add(device, descriptor);
+  }
 
   void push(const driver::Sample& sample) override {
     const device::Sample wire = gvd::to_wire(sample);
@@ -69,12 +77,15 @@ class Samples final : public gvd::SampleSink {
                                   .log_time_ns = now_ns,
                                   .publish_time_ns = now_ns,
                                   .data = rpc::table_bytes(builder)}));
+    view_.record(source_, sample, now_ns, now_ns);
   }
 
  private:
   recording::Recorder& recorder_;
   recording::Recorder::Track& track_;
   std::uint16_t channel_;
+  events::SourceId source_;
+  ViewRecorder view_;
 };
 
 }  // namespace
@@ -115,21 +126,24 @@ DeviceRecorder::DeviceRecorder(rpc::Node& node, recording::Recorder& recorder)
     : impl_(std::make_unique<Impl>(node, recorder)) {}
 DeviceRecorder::~DeviceRecorder() = default;
 
-expected<void, SetupError> DeviceRecorder::describe(const std::string& name) {
+expected<driver::Descriptor, SetupError> DeviceRecorder::describe(const std::string& name) {
   auto stub = device::DeviceClient::bind(impl_->node, name);
   if (!stub) return unexpected{stub.error()};
   const auto description = stub->describe();
   if (!description) {
     return setup_error("device " + name + " was found, but not described", description.error());
   }
-  return impl_->put_description(name, description->bytes());
+  if (auto put = impl_->put_description(name, description->bytes()); !put)
+    return unexpected{put.error()};
+  return gvd::from_wire(**description);
 }
 
 expected<void, SetupError> DeviceRecorder::poll(const std::string& name, double rate_hz) {
-  if (auto described = describe(name); !described) return described;
+  const auto described = describe(name);
+  if (!described) return unexpected{described.error()};
   const auto channel = add_samples_channel(impl_->recorder, name);
   if (!channel) return unexpected{channel.error()};
-  auto sink = std::make_unique<Samples>(impl_->recorder, *channel);
+  auto sink = std::make_unique<Samples>(impl_->recorder, *channel, name, *described);
   gvd::DevicePollerConfig config{.rate_hz = rate_hz};
   auto poller = gvd::DevicePoller::start(impl_->node, name, config, *sink);
   if (!poller) return unexpected{poller.error()};

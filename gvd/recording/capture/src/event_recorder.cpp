@@ -1,12 +1,15 @@
 #include "event_recorder.hpp"
 
 #include <algorithm>
+#include <cstring>
+#include <device_events.rtpm.events.hpp>
 #include <mutex>
 #include <utility>
 
 #include "flatbuffer_channel.hpp"
 #include "rtpm/capture/channels.hpp"
 #include "rtpm/gvd/device_event.hpp"
+#include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::capture {
@@ -28,7 +31,10 @@ const events::EventDescriptor* find_in(KnownTypes types, events::EventType type)
 }  // namespace
 
 EventRecorder::EventRecorder(recording::Recorder& recorder, bool names_devices)
-    : names_devices_(names_devices), recorder_(recorder), track_(recorder.add_track()) {}
+    : names_devices_(names_devices),
+      recorder_(recorder),
+      track_(recorder.add_track()),
+      views_(recorder, track_) {}
 
 void EventRecorder::record(const events::EventView& event, const events::EventDescriptor* type,
                            bool is_hub_local) {
@@ -117,12 +123,28 @@ void EventRecorder::put(const events::EventHeader& header, ConstBytes payload,
     if (table) message.data = *table;
   }
   static_cast<void>(track_.put(message));
+  put_view(header, payload, message);
+}
+
+void EventRecorder::put_view(const events::EventHeader& header, ConstBytes payload,
+                             const recording::Message& sampled) {
+  device::Sample wire;
+  const bool is_sample = header.type == gvd::kSampled && payload.size() == sizeof wire &&
+                         header.schema_id == device::SampledEvent::kSchemaId;
+  if (!is_sample || !views_.has(header.source)) return;
+  std::memcpy(&wire, payload.data(), sizeof wire);
+  views_.record(header.source, gvd::from_wire(wire), sampled.log_time_ns, sampled.publish_time_ns);
 }
 
 void EventRecorder::name_devices(std::span<const std::string> names) {
   const std::lock_guard lock(mutex_);
   for (const std::string& name : names)
     devices_.insert_or_assign(gvd::source_of(name), name);
+}
+
+void EventRecorder::add_view(const std::string& device, const driver::Descriptor& descriptor) {
+  const std::lock_guard lock(mutex_);
+  views_.add(device, descriptor);
 }
 
 std::vector<std::string> EventRecorder::take_new_devices() {

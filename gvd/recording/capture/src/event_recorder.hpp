@@ -17,6 +17,7 @@
 #include "rtpm/events/event.hpp"
 #include "rtpm/recording/recorder.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
+#include "view_recorder.hpp"
 
 namespace rtpm::capture {
 
@@ -61,6 +62,8 @@ class EventRecorder {
 
   /// Names the channels of these devices. Their earlier events stay in channels by number.
   void name_devices(std::span<const std::string> names);
+  /// Records what viewers draw of the device, from now on.
+  void add_view(const std::string& device, const driver::Descriptor& descriptor);
   /// The named devices whose first event arrived since the last call.
   [[nodiscard]] std::vector<std::string> take_new_devices();
   /// Whether device names are missing: events are waiting for one, or a device without a name sent
@@ -90,6 +93,9 @@ class EventRecorder {
   void let_go_if(KnownTypes types, bool is_end);
   void put(const events::EventHeader& header, ConstBytes payload, MonotonicTime received,
            MonotonicTime origin, const events::EventDescriptor* type);
+  /// Records what viewers draw of a sample.
+  void put_view(const events::EventHeader& header, ConstBytes payload,
+                const recording::Message& sampled);
   /// Finds or adds the channel of an event; null if the file has no channel left.
   ChannelOfEvents* channel_of(const events::EventHeader& header,
                               const events::EventDescriptor* type);
@@ -106,6 +112,7 @@ class EventRecorder {
   std::size_t held_byte_count_ = 0;
   recording::Recorder& recorder_;
   recording::Recorder::Track& track_;
+  ViewRecorder views_;
   EventSchemas schemas_{};
   std::map<Key, ChannelOfEvents> channels_{};
   std::map<events::SourceId, std::string> devices_{};

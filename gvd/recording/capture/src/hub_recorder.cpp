@@ -90,7 +90,10 @@ struct HubRecorder::Impl final : events::EventHandler {
   void describe_devices() {
     for (const std::string& name : event_recorder.take_new_devices()) {
       const auto described = device_recorder.describe(name);
-      if (described) continue;
+      if (described) {
+        event_recorder.add_view(name, *described);
+        continue;
+      }
       const std::lock_guard lock(mutex);
       undescribed.push_back(name);
       reports.push_back(printable(name) + ": " + described.error().text() +

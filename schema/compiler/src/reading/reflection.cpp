@@ -7,6 +7,8 @@
 #include <unordered_map>
 #include <utility>
 
+#include "reading/flat_arrays.hpp"
+
 namespace rtpm::schema {
 namespace {
 
@@ -228,7 +230,9 @@ std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
 }
 
 std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes) {
-  return read_schema(bytes, nullptr);
+  std::optional<Model> model = read_schema(bytes, nullptr);
+  if (model) restore_arrays(*model);
+  return model;
 }
 
 }  // namespace rtpm::schema

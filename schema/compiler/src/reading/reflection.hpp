@@ -17,7 +17,8 @@ namespace rtpm::schema {
                                                    const std::string& declaration_file);
 
 /// Reads a model with all services. Assumes that the compiled file is the first service's or,
-/// without services, the first type's.
+/// without services, the first type's. Arrays that Dynamic::flat_reflection() wrote as fields are
+/// arrays again.
 [[nodiscard]] std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes);
 
 }  // namespace rtpm::schema

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "reading/closed_parser.hpp"
+#include "reading/flat_arrays.hpp"
 #include "reading/reflection.hpp"
 #include "rtpm/schema/compile.hpp"
 #include "rtpm/schema/schema_text.hpp"
@@ -52,6 +53,14 @@ std::unique_ptr<flatbuffers::Parser> make_parser(const std::string& text) {
   if (!parse_closed(*parser, text.c_str())) return nullptr;
   keep_nested_bytes(*parser);
   return parser;
+}
+
+/// The parser's reflection.
+std::vector<std::byte> serialized(flatbuffers::Parser& parser) {
+  parser.Serialize();
+  const auto view =
+      std::as_bytes(std::span(parser.builder_.GetBufferPointer(), parser.builder_.GetSize()));
+  return {view.begin(), view.end()};
 }
 
 /// Renumbers the parser's "2: 5: error: …" for the text without its first line.
@@ -298,10 +307,19 @@ std::string Dynamic::refusal(const Payload& payload, std::span<const std::byte> 
 std::vector<std::byte> Dynamic::reflection_of(const Payload& payload) const {
   const auto parser = make_parser(schema_text(impl_->model, impl_->model.objects[payload.table]));
   if (!parser) return {};  // Can't fail: the text is made from one that the parser accepted.
-  parser->Serialize();
-  const auto view =
-      std::as_bytes(std::span(parser->builder_.GetBufferPointer(), parser->builder_.GetSize()));
-  return {view.begin(), view.end()};
+  return serialized(*parser);
+}
+
+std::vector<std::byte> Dynamic::flat_reflection(std::string_view table) const {
+  const std::vector<Object>& objects = impl_->model.objects;
+  const auto found = std::ranges::find(objects, table, &Object::name);
+  if (found == objects.end()) return {};
+  // FlatBuffers writes declared attributes only.
+  const auto parser = make_parser(std::string("attribute \"") + kArrayAttribute + "\";\n" +
+                                  schema_text(impl_->model, *found));
+  if (!parser) return {};  // Can't fail, like reflection_of().
+  flatten_arrays(*parser);
+  return serialized(*parser);
 }
 
 std::optional<std::string> Dynamic::decode(const Payload& payload,

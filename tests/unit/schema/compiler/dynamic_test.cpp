@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <functional>
 #include <limits>
+#include <map>
 #include <memory>
 #include <string>
 #include <utility>
@@ -82,7 +83,7 @@ TEST(SchemaText, HasTheFingerprintAndRootOfAnEvent) {
   EXPECT_GE(count, 5u);
 }
 
-// A recording has the reflection only, from which a reader makes the schema.
+// A recording has a reflection only, from which a reader makes the schema.
 TEST(CompileBinary, GivesTheFingerprintsOfTheSchemaItComesFrom) {
   std::size_t count = 0;
   for_each_model([&](const Model& whole) {
@@ -91,15 +92,20 @@ TEST(CompileBinary, GivesTheFingerprintsOfTheSchemaItComesFrom) {
       std::string error;
       const auto dynamic = Dynamic::make_for_event(schema_text(whole, object), object.name, error);
       ASSERT_TRUE(dynamic) << error;
-      const auto bytes = dynamic->reflection();
-      const CompileResult read = compile_binary(
-          {static_cast<const std::uint8_t*>(static_cast<const void*>(bytes.data())), bytes.size()},
-          object.name);
-      ASSERT_TRUE(read.model) << render(read.errors);
-      const auto found = std::ranges::find(read.model->objects, object.name, &Object::name);
-      ASSERT_NE(found, read.model->objects.end());
-      EXPECT_EQ(found->event_fingerprint, object.event_fingerprint) << object.name;
-      EXPECT_TRUE(compile_text(schema_text(*read.model), "schema").model);
+      const auto whole_bytes = dynamic->reflection();
+      const auto flat_bytes = dynamic->flat_reflection(object.name);
+      for (const std::span<const std::byte> bytes :
+           {whole_bytes, std::span<const std::byte>(flat_bytes)}) {
+        const CompileResult read = compile_binary(
+            {static_cast<const std::uint8_t*>(static_cast<const void*>(bytes.data())),
+             bytes.size()},
+            object.name);
+        ASSERT_TRUE(read.model) << render(read.errors);
+        const auto found = std::ranges::find(read.model->objects, object.name, &Object::name);
+        ASSERT_NE(found, read.model->objects.end());
+        EXPECT_EQ(found->event_fingerprint, object.event_fingerprint) << object.name;
+        EXPECT_TRUE(compile_text(schema_text(*read.model), "schema").model);
+      }
       ++count;
     }
   });
@@ -406,6 +412,53 @@ TEST(DynamicTables, HaveTheirOwnReflection) {
       EXPECT_LE(bytes.size(), dynamic->reflection().size());
     }
   }
+}
+
+// The struct `Grid` has arrays of scalars, enums and structs, padding behind them, and a field with an
+// element's name.
+constexpr const char* kGridSchema = R"(
+  namespace lab;
+  enum Colour : ubyte { Red = 0, Blue = 1 }
+  struct Point { x:double; y:float; }
+  struct Grid { count_0:byte; counts:[ushort:3]; colours:[Colour:2]; corners:[Point:2]; count:[byte:1]; }
+  table Gridded { grid:Grid (required); }
+  root_type Gridded;)";
+
+TEST(FlatReflection, HasTheSameBytesWithoutArrays) {
+  std::string error;
+  const auto dynamic = Dynamic::make(kGridSchema, error);
+  ASSERT_TRUE(dynamic) << error;
+  const auto bytes = dynamic->flat_reflection("lab.Gridded");
+  const auto* const schema = reflection::GetSchema(bytes.data());
+  const auto* const grid = schema->objects()->LookupByKey("lab.Grid");
+  ASSERT_NE(grid, nullptr);
+  const auto before = std::ranges::find(dynamic->model().objects, "lab.Grid", &Object::name);
+  EXPECT_EQ(static_cast<std::size_t>(grid->bytesize()), before->byte_size);
+  std::map<std::string, std::size_t> offsets;
+  for (const auto* const field : *grid->fields()) {
+    EXPECT_NE(field->type()->base_type(), reflection::Array) << field->name()->str();
+    offsets[field->name()->str()] = field->offset();
+  }
+  EXPECT_EQ(offsets, (std::map<std::string, std::size_t>{{"count_0", 0},
+                                                         {"counts_0", 2},
+                                                         {"counts_1", 4},
+                                                         {"counts_2", 6},
+                                                         {"colours_0", 8},
+                                                         {"colours_1", 9},
+                                                         {"corners_0", 16},
+                                                         {"corners_1", 32},
+                                                         {"count_0_", 48}}));
+}
+
+TEST(FlatReflection, HasItsArraysForRtpm) {
+  std::string error;
+  const auto dynamic = Dynamic::make(kGridSchema, error);
+  ASSERT_TRUE(dynamic) << error;
+  const auto bytes = dynamic->flat_reflection("lab.Gridded");
+  const auto read =
+      compile_binary({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, "grid");
+  ASSERT_TRUE(read.model) << render(read.errors);
+  EXPECT_EQ(schema_text(*read.model), schema_text(dynamic->model()));
 }
 
 }  // namespace

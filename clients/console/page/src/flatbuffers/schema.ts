@@ -40,6 +40,8 @@ export interface SchemaField {
   readonly offset: number;
   readonly whole: bigint;
   readonly real: number;
+  /** The array of which it is an element; empty: none. */
+  readonly array: string;
 }
 
 export interface SchemaObject {
@@ -66,14 +68,37 @@ const kField = {
   type: 6,
   offset: 10,
   whole: 12,
-  real: 14, // Field
+  real: 14,
+  attributes: 22, // Field
   base: 4,
   element: 6,
   index: 8,
   count: 10, // Type
   values: 6,
   value: 6, // Enum, EnumVal
+  key: 4, // KeyValue, whose value is at `value`
 } as const;
+
+/**
+ * The fields of a struct with its arrays, which the console sends as fields `joints_0`, `joints_1` …,
+ * because viewers refuse arrays.
+ */
+function withArrays(fields: readonly SchemaField[]): SchemaField[] {
+  const result: SchemaField[] = [];
+  for (const field of [...fields].sort((a, b) => a.offset - b.offset)) {
+    const last = result.at(-1);
+    if (field.array === '') {
+      result.push(field);
+    } else if (last?.array === field.array) {
+      result[result.length - 1] = {...last, type: {...last.type, count: last.type.count + 1}};
+    } else {
+      const {base, index} = field.type;
+      const type = {base: BaseType.Array, element: base, index, count: 1};
+      result.push({...field, name: field.array, type});
+    }
+  }
+  return result;
+}
 
 class Reader {
   constructor(private readonly bytes: Bytes) {}
@@ -97,11 +122,12 @@ class Reader {
     const isStruct = this.bytes.field(table, kField.isStruct);
     const byteCount = this.bytes.field(table, kField.byteCount);
     const fields = this.each(table, kField.fields, (at) => this.field(at));
+    const isFixed = isStruct !== 0 && this.bytes.view.getUint8(isStruct) !== 0;
     return {
       name: this.text(table, kField.name),
-      isStruct: isStruct !== 0 && this.bytes.view.getUint8(isStruct) !== 0,
+      isStruct: isFixed,
       byteCount: byteCount === 0 ? 0 : this.bytes.view.getInt32(byteCount, true),
-      fields,
+      fields: isFixed ? withArrays(fields) : fields,
     };
   }
 
@@ -116,7 +142,13 @@ class Reader {
       offset: offset === 0 ? 0 : this.bytes.view.getUint16(offset, true),
       whole: whole === 0 ? 0n : this.bytes.view.getBigInt64(whole, true),
       real: real === 0 ? 0 : this.bytes.view.getFloat64(real, true),
+      array: this.each(table, kField.attributes, (at) => this.attribute(at)).join(''),
     };
+  }
+
+  /** The array's name, if it is that attribute. */
+  private attribute(table: number): string {
+    return this.text(table, kField.key) === 'rtpm_array' ? this.text(table, kField.value) : '';
   }
 
   private type(table: number): FieldType {

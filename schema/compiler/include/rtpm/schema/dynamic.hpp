@@ -77,6 +77,11 @@ class Dynamic {
   [[nodiscard]] std::string refusal(const Payload& payload, std::span<const std::byte> bytes);
   /// The reflection(), reduced to the payload's table, which is the root, and its types.
   [[nodiscard]] std::vector<std::byte> reflection_of(const Payload& payload) const;
+  /// The reflection() of the same bytes for viewers, reduced to a table, which is the root, and its
+  /// types, without arrays: an array `joints` of a struct is fields `joints_0`, `joints_1` … at the
+  /// same offsets. compile_binary() makes them arrays again.
+  /// @param table  the name of one in model()
+  [[nodiscard]] std::vector<std::byte> flat_reflection(std::string_view table) const;
   /// The schema as FlatBuffers' own reflection, the content of a .bfbs.
   [[nodiscard]] std::span<const std::byte> reflection() const noexcept;
 

@@ -29,6 +29,7 @@ inline constexpr const char* kEventKind = "event";
 inline constexpr const char* kSampleKind = "sample";            ///< Polled; a Sampled.
 inline constexpr const char* kDescriptionKind = "description";  ///< A device's Description.
 inline constexpr const char* kCommandKind = "command";          ///< A CommandRequest.
+inline constexpr const char* kViewKind = "view";                ///< For viewers, made from samples.
 
 /// The value of `key` in the channel's metadata; empty if there is none.
 [[nodiscard]] std::string value_of(const recording::Channel& channel, const char* key);

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/driver/descriptor.hpp"
 #include "rtpm/recording/recorder.hpp"
 #include "rtpm/rpc/node.hpp"
 
@@ -28,8 +29,9 @@ class DeviceRecorder {
 
   /// Gets the description of the device with that name, and records it.
   /// @errors   no such device; it does not answer
-  [[nodiscard]] expected<void, SetupError> describe(const std::string& name);
-  /// Calls describe(), then polls `rate_hz` times per second and records each new sample.
+  [[nodiscard]] expected<driver::Descriptor, SetupError> describe(const std::string& name);
+  /// Calls describe(), then polls `rate_hz` times per second and records each new sample, and what
+  /// viewers draw of it.
   /// @errors   those of describe(); a rate out of range, see gvd::DevicePollerConfig
   [[nodiscard]] expected<void, SetupError> poll(const std::string& name, double rate_hz);
   /// Stops polling.
