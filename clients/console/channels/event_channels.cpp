@@ -76,7 +76,8 @@ void EventChannels::remove_views(const std::string& device) {
   drawn_.erase(found);
 }
 
-void EventChannels::publish_views(const std::string& device, const HubEvent& event) {
+void EventChannels::publish_views(const std::string& device, const HubEvent& event,
+                                  std::uint64_t time_ns) {
   const auto found = drawn_.find(device);
   device::Sample wire;
   if (found == drawn_.end() || event.payload.size() != sizeof wire ||
@@ -89,7 +90,6 @@ void EventChannels::publish_views(const std::string& device, const HubEvent& eve
   });
   if (!is_wanted) return;
   std::memcpy(&wire, event.payload.data(), sizeof wire);
-  const std::uint64_t time_ns = log_time_ns(event);
   for (const auto& due : view.take(gvd::from_wire(wire), time_ns)) {
     channels_.publish(channels_.find(view.channels()[due.channel].topic), time_ns,
                       {reinterpret_cast<const char*>(due.message.data()), due.message.size()});
@@ -142,7 +142,7 @@ void EventChannels::publish_generic(const HubEvent& event) {
     generic_[topic] = {event.arrived, size};
     schema_byte_count_ += size;
   }
-  publish_table(topic, event);
+  publish_table(topic, event, log_time_ns(event));
 }
 
 void EventChannels::drop_idle(MonotonicTime now) {
@@ -167,8 +167,7 @@ void EventChannels::publish(const HubEvent& event) {
   switch (event.stream) {
     case EventStream::kSample:
       if (device == nullptr) break;
-      publish_table(*device + "/sample", event);
-      publish_views(*device, event);
+      publish_sample(*device, event);
       break;
     case EventStream::kChange:
       if (device != nullptr && !event.header.is_replayed) publish_change(*device, event);
@@ -181,14 +180,22 @@ void EventChannels::publish(const HubEvent& event) {
   }
 }
 
-void EventChannels::publish_table(const std::string& topic, const HubEvent& event) {
+void EventChannels::publish_sample(const std::string& device, const HubEvent& event) {
+  // One time for all: each conversion to UTC reads the clocks again.
+  const std::uint64_t time_ns = log_time_ns(event);
+  publish_table(device + "/sample", event, time_ns);
+  publish_views(device, event, time_ns);
+}
+
+void EventChannels::publish_table(const std::string& topic, const HubEvent& event,
+                                  std::uint64_t time_ns) {
   const std::uint32_t channel = channels_.find(topic);
   if (channel == 0 || !channels_.has_subscriber(channel)) return;
   schema::Dynamic* const dynamic = schemas_.find(type_of(event.header.type));
   if (dynamic == nullptr) return;
   const auto table = dynamic->as_table(dynamic->event(), event.payload);
   if (!table) return;
-  channels_.publish(channel, log_time_ns(event),
+  channels_.publish(channel, time_ns,
                     {reinterpret_cast<const char*>(table->data()), table->size()});
 }
 

@@ -52,10 +52,11 @@ class EventChannels {
   /// @return whether the channel exists
   bool advertise(const std::string& topic, events::EventType type);
   void publish_generic(const HubEvent& event);
-  void publish_table(const std::string& topic, const HubEvent& event);
+  void publish_sample(const std::string& device, const HubEvent& event);
+  void publish_table(const std::string& topic, const HubEvent& event, std::uint64_t time_ns);
   /// Removes the channels that a device does not share.
   void remove_views(const std::string& device);
-  void publish_views(const std::string& device, const HubEvent& event);
+  void publish_views(const std::string& device, const HubEvent& event, std::uint64_t time_ns);
   void publish_change(const std::string& device, const HubEvent& event);
   [[nodiscard]] nlohmann::ordered_json payload_json(const HubEvent& event);
 

@@ -137,6 +137,22 @@ TEST_F(Loading, LeavesBrokenSamplesOut) {
   EXPECT_TRUE(has_note(recorded, "4 messages are broken"));
 }
 
+TEST_F(Loading, LeavesOutWhatViewersDraw) {
+  RunWriter writer(file_);
+  writer.describe("lab/lever");
+  const auto samples = writer.add_samples("lab/lever");
+  const auto pose = writer.add_channel("lab/lever/pose", {{capture::kKindKey, capture::kViewKind},
+                                                          {capture::kDeviceKey, "lab/lever"}});
+  writer.put_sample(samples, 100, 1);
+  writer.put(pose, 100, 1, std::vector<std::byte>(8, std::byte{0xff}));
+  writer.put_sample(samples, 101, 2);
+  writer.close();
+  const Recorded recorded = loaded();
+  EXPECT_EQ(recorded.devices.at(0).samples.size(), 2u);
+  EXPECT_EQ(recorded.sources.size(), 1u);  // Of the samples.
+  EXPECT_TRUE(recorded.notes.empty()) << recorded.notes.front();
+}
+
 TEST_F(Loading, LeavesADeviceWithABrokenDescriptionOut) {
   RunWriter writer(file_);
   const auto description = writer.add_channel(

@@ -50,6 +50,15 @@ describe('what C++ recorded', () => {
     expect(sample?.joints).toHaveLength(8);
   });
 
+  it('has its arrays also by a schema that has a field for each element', () => {
+    const name = 'rtpm.device.Sampled';
+    const sampled = recorded.find((one) => one.schemaName === name)!;
+    const flat = Decoder.of(schemaBytes(`${name} without arrays`), name);
+    expect(flat.decode(sampled.payload)).toEqual(
+      Decoder.of(schemaBytes(name), name).decode(sampled.payload),
+    );
+  });
+
   it('never reads past a payload that is cut short or damaged', () => {
     for (const {schemaName, payload} of recorded) {
       const decoder = Decoder.of(schemaBytes(schemaName), schemaName);
