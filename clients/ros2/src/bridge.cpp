@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <device.rtpm.hpp>
-#include <initializer_list>
 #include <limits>
 #include <utility>
 
@@ -56,8 +55,10 @@ expected<void, SetupError> Bridge::begin(const Domain& domain) {
     if (!tf) return unexpected{std::move(tf.error())};
     tf_ = std::move(*tf);
   }
-  auto stops =
-      StopRequests::create(node_, *participant_, {.where = config_.registry, .hub = {}}, log_);
+  auto stops = StopRequests::create(
+      node_, *participant_,
+      {.where = config_.registry, .hub = config_.hub.starts_with("rtpm://") ? config_.hub : ""},
+      log_);
   if (!stops) return unexpected{std::move(stops.error())};
   stops_ = std::move(*stops);
   auto thread = rt::Thread::start({.name = "rtpm-ros2-out"}, [this] { run(); });
@@ -106,29 +107,37 @@ void Bridge::subscribe_to_hub() {
     }
   };
   if (!samples_) {
-    gvd::DeviceConsumerConfig config{.hub = config_.hub};
-    config.subscription.name = "ros2-samples";
-    config.subscription.realtime = rt::RealtimeMode::kOff;
-    config.subscription.filter = of_types({gvd::kSampled});
-    config.subscription.delivery = {.interval = std::chrono::duration_cast<Duration>(
-                                        std::chrono::duration<double>(1 / config_.rate_hz)),
-                                    .when_full = events::QueuePolicy::kKeepLatest,
-                                    .is_interval_per_source = true};
-    keep(samples_, gvd::DeviceConsumer::start(node_, std::move(config), *this));
+    events::DeliveryPolicy delivery;
+    delivery.interval =
+        std::chrono::duration_cast<Duration>(std::chrono::duration<double>(1 / config_.rate_hz));
+    delivery.is_interval_per_source = true;
+    delivery.when_full = events::QueuePolicy::kKeepLatest;
+    keep(samples_, consume("ros2-samples", {gvd::kSampled}, std::move(delivery)));
   }
   if (!changes_ && problem.empty()) {
-    gvd::DeviceConsumerConfig config{.hub = config_.hub};
-    config.subscription.name = "ros2-changes";
-    config.subscription.filter =
-        of_types({gvd::kButtonChanged, gvd::kLifecycleChanged, gvd::kFaultChanged,
-                  gvd::kLeaseChanged, gvd::kStopChanged});
-    config.subscription.delivery = {.queue_capacity = 1024};
-    keep(changes_, gvd::DeviceConsumer::start(node_, std::move(config), *this));
+    events::DeliveryPolicy delivery;
+    delivery.queue_capacity = 1024;
+    keep(changes_, consume("ros2-changes",
+                           {gvd::kButtonChanged, gvd::kLifecycleChanged, gvd::kFaultChanged,
+                            gvd::kLeaseChanged, gvd::kStopChanged},
+                           std::move(delivery)));
   }
   if (!topic_events_ && !config_.events.empty() && problem.empty()) {
     keep(topic_events_, TopicEvents::create(node_, *participant_, config_.hub, config_.events));
   }
   report_problem("hub", problem);
+}
+
+expected<gvd::DeviceConsumer, SetupError> Bridge::consume(
+    const char* name, std::initializer_list<events::EventType> types,
+    events::DeliveryPolicy delivery) {
+  gvd::DeviceConsumerConfig config{.hub = config_.hub};
+  config.subscription.name = name;
+  config.subscription.filter = of_types(types);
+  config.subscription.delivery = std::move(delivery);
+  // Its handler shares locks with threads that write DDS.
+  config.subscription.realtime = rt::RealtimeMode::kOff;
+  return gvd::DeviceConsumer::start(node_, std::move(config), *this);
 }
 
 void Bridge::watch_names() {

@@ -2,6 +2,7 @@
 
 #include <condition_variable>
 #include <cstdint>
+#include <initializer_list>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -71,6 +72,9 @@ class Bridge final : private gvd::DeviceEventHandler {
       : node_(node), config_(config), log_(log) {}
   [[nodiscard]] expected<void, SetupError> begin(const Domain& domain);
   void subscribe_to_hub();
+  [[nodiscard]] expected<gvd::DeviceConsumer, SetupError> consume(
+      const char* name, std::initializer_list<events::EventType> types,
+      events::DeliveryPolicy delivery);
   void watch_names();
   void note(const names::NameChange& change);
   void follow_names();

@@ -125,7 +125,8 @@ void DeviceTopics::publish() {
 }
 
 void DeviceTopics::publish_edge(const Edge& edge) {
-  if (!joy_) return;
+  // Before the first sample there are no values for the axes.
+  if (!joy_ || shown_.sequence == 0) return;
   driver::Sample sample = shown_;
   sample.buttons = edge.buttons;
   joy_time_ = std::max(joy_time_, edge.origin);

@@ -54,7 +54,7 @@ expected<std::vector<std::unique_ptr<Subscription>>, SetupError> StopRequests::s
                                           const auto flag = decode<Bool>(message.cdr);
                                           if (flag && !flag->data) return;
                                         }
-                                        // A malformed message on such a topic stops, too.
+                                        // A message that can't be read stops, too.
                                         request(device);
                                       });
     if (made) {

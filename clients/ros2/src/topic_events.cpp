@@ -55,6 +55,10 @@ expected<std::unique_ptr<TopicEvents>, SetupError> TopicEvents::create(
 }
 
 void TopicEvents::push(const Topic& topic, const Received& message) {
+  if (message.cdr.empty()) {
+    ++failed_count_;
+    return;
+  }
   flatbuffers::FlatBufferBuilder builder;
   const auto cdr = builder.CreateVector(reinterpret_cast<const std::uint8_t*>(message.cdr.data()),
                                         message.cdr.size());

@@ -206,6 +206,7 @@ def test_commands_that_are_dropped(laboratory, ros):
         "stamp in the future": lambda: force(ros, 1.0, offset_s=5),
         "other frame": lambda: force(ros, 1.0, frame="map"),
         "not finite": lambda: force(ros, float("nan")),
+        "unreadable": lambda: force(ros, 1.0, frame="x" * 20_000),
     }
     for why, make in dropped.items():
 
@@ -308,7 +309,19 @@ def test_topics_become_events(laboratory, ros):
     assert abs(payload["stamp_ns"] - time.time_ns()) < 60e9
     # Larger ones than an event can be are lost, and counted.
     publisher.publish(String(data="x" * 70_000))
-    ros.wait_until(lambda: "lost_to_hub 0" not in bridge.text().splitlines()[-1], "counted")
+    ros.wait_until(lambda: "lost_to_hub 1" in bridge.text(), "it is counted")
+    assert "deserialization" not in bridge.text()
+
+
+def test_no_thread_is_real_time(laboratory, ros, monkeypatch):
+    monkeypatch.delenv("RTPM_REALTIME")
+    laboratory.start_devices()
+    bridge = laboratory.start_bridge("--command", "lab/arm0", "--event", "/a:std_msgs/msg/String")
+    joys = ros.collect(Joy, f"{ARM}/joy")
+    ros.wait_until(lambda: joys, "the bridge works")
+    for thread in os.listdir(f"/proc/{bridge.process.pid}/task"):
+        assert os.sched_getscheduler(int(thread)) == os.SCHED_OTHER
+    assert "SCHED_FIFO" not in bridge.text(), "nor does it try"
 
 
 def test_domain_must_be_valid(laboratory):

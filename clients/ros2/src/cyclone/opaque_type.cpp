@@ -53,7 +53,8 @@ std::uint32_t size_of(const ddsi_serdata* data) {
 
 ddsi_serdata* from_fragments(const ddsi_sertype* type, ddsi_serdata_kind kind,
                              const nn_rdata* fragment, std::size_t size) {
-  if (size > as_type(type)->size_max) return nullptr;
+  // Without a sample Cyclone DDS would write a line to standard error for each such message.
+  if (size > as_type(type)->size_max) return new_sample(type, kind, 0).release();
   auto sample = new_sample(type, kind, size);
   std::uint32_t filled = 0;
   for (; fragment != nullptr; fragment = fragment->nextfrag) {
@@ -70,7 +71,7 @@ ddsi_serdata* from_fragments(const ddsi_sertype* type, ddsi_serdata_kind kind,
 
 ddsi_serdata* from_pieces(const ddsi_sertype* type, ddsi_serdata_kind kind,
                           ddsrt_msg_iovlen_t count, const ddsrt_iovec_t* pieces, std::size_t size) {
-  if (size > as_type(type)->size_max) return nullptr;
+  if (size > as_type(type)->size_max) return new_sample(type, kind, 0).release();
   auto sample = new_sample(type, kind, size);
   std::size_t filled = 0;
   for (ddsrt_msg_iovlen_t i = 0; i < count; ++i) {

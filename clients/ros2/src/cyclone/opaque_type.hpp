@@ -13,7 +13,7 @@
 namespace rtpm::ros2 {
 
 /// Makes a type, with one reference, which dds_create_topic_sertype() takes over.
-/// @param size_max  larger messages of peers are not taken
+/// @param size_max  larger messages of peers become empty samples
 [[nodiscard]] ddsi_sertype* make_opaque_type(const std::string& name, std::uint32_t size_max);
 /// Makes a sample, with one reference, which dds_writecdr() takes over.
 [[nodiscard]] ddsi_serdata* make_opaque_sample(const ddsi_sertype* type, ConstBytes cdr);

@@ -63,7 +63,7 @@ class Publisher {
 
 /// A message of a peer. Valid during the call.
 struct Received {
-  ConstBytes cdr{};
+  ConstBytes cdr{};                 ///< Empty if it was larger than the subscription takes.
   std::int64_t source_time_ns = 0;  ///< When it was sent, by the sender's CLOCK_REALTIME.
 };
 /// Runs on the thread "rtpm-ros2-in"; adds or removes no subscription.
@@ -78,7 +78,7 @@ class Subscription {
   Subscription(const Subscription&) = delete;
   Subscription& operator=(const Subscription&) = delete;
   ~Subscription();
-  /// Messages that were lost on the way, or too large.
+  /// Messages that were lost on the way.
   [[nodiscard]] std::uint64_t lost_count() const;
 
  private:
@@ -101,7 +101,7 @@ class Participant {
 
   [[nodiscard]] expected<std::unique_ptr<Publisher>, SetupError> publish(const Topic& topic,
                                                                          const Quality& quality);
-  /// @param size_max  larger messages are not taken
+  /// @param size_max  in bytes of CDR; larger messages arrive empty
   [[nodiscard]] expected<std::unique_ptr<Subscription>, SetupError> subscribe(
       const Topic& topic, const Quality& quality, std::uint32_t size_max, ReceivedHandler handler);
 
