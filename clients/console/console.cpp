@@ -16,12 +16,14 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::string_view kDeviceInterface = "rtpm.device.Device";
+constexpr std::string_view kMediumInterface = "rtpm.media.Medium";
 constexpr std::string_view kConfigurationEnd = "/config";
 constexpr Duration kLaneInterval = std::chrono::milliseconds{250};
 constexpr Duration kObjectInterval = std::chrono::seconds{1};
 constexpr Duration kProbeInterval = std::chrono::milliseconds{50};
 constexpr Duration kHubInterval = std::chrono::milliseconds{100};
 constexpr Duration kReportInterval = std::chrono::seconds{1};
+constexpr Duration kMediaInterval = std::chrono::milliseconds{100};
 constexpr Duration kStateInterval = std::chrono::milliseconds{250};
 constexpr Duration kLatencyInterval = std::chrono::seconds{1};
 constexpr Duration kIdleInterval = std::chrono::seconds{1};
@@ -48,6 +50,7 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
       session_id_(std::to_string(rt::utc_ns(begin_))),
       channels_(clients_),
       event_channels_(channels_),
+      media_channels_(channels_),
       router_(clients_),
       stops_(node, stop_config(configuration), router_, urgent_, post_),
       desk_(router_, pool_, post_,
@@ -75,7 +78,8 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
             [this](std::shared_ptr<const events::HubTypes> types) {
               event_channels_.set_types(std::move(types));
             }}),
-      device_watch_(node) {
+      device_watch_(node),
+      media_watch_(node, post_, [this](const MediumView& view) { media_channels_.take(view); }) {
   channels_.add({.topic = "console/state", .encoding = "json"});
   channels_.add({.topic = "console/latency", .encoding = "json"});
   channels_.add({.topic = "console/log", .encoding = "json"});
@@ -103,6 +107,7 @@ expected<void, SetupError> Console::start(
   every(kStateInterval, [this] { publish_state(); });
   every(kLatencyInterval, [this] { publish_latency(); });
   every(kLatencyInterval, [this] { publish_graph(); });
+  every(kMediaInterval, [this] { media_watch_.set_watched(media_channels_.watched()); });
   every(kIdleInterval, [this] { event_channels_.drop_idle(rt::now()); });
   every(kRenewInterval, [this] { desk_.renew(rt::now()); });
   every(kParameterInterval, [this] { parameters_.poll(); });
@@ -133,6 +138,7 @@ expected<void, SetupError> Console::start_threads() {
       Watch{hub_thread_, "console-hub", kHubInterval, [this] { hub_.look(); }},
       Watch{report_thread_, "console-report", kReportInterval,
             [this, report] { post_([this, view = report->look()] { hub_view_ = view; }); }},
+      Watch{media_thread_, "console-media", kMediaInterval, [this] { media_watch_.look(); }},
       Watch{stop_thread_, "console-stop", kDeliverInterval, [this] { stops_.deliver(); }}};
   for (const Watch& watch : watches) {
     if (auto started = watch.thread.start(watch.name, watch.period, watch.work); !started) {
@@ -144,9 +150,10 @@ expected<void, SetupError> Console::start_threads() {
 
 void Console::stop() {
   for (PeriodicThread* const thread : {&lane_thread_, &object_thread_, &probe_thread_, &hub_thread_,
-                                       &report_thread_, &stop_thread_}) {
+                                       &report_thread_, &stop_thread_, &media_thread_}) {
     thread->stop();
   }
+  media_watch_.stop();
   records_.stop_reading();
   pool_.stop();
   background_.stop();
@@ -249,12 +256,14 @@ void Console::take_objects(const ObjectsView& view) {
   objects_ = view;
   std::vector<std::string> devices;
   std::vector<std::string> configured;
+  std::set<std::string> media;
   for (const ObjectView& object : view.objects) {
     if (object.interface == kDeviceInterface) {
       devices.push_back(object.name);
       devices_.try_emplace(object.name, object.name).first->second.set_bound(object.service_url);
       stops_.remember(object.name, object.url);
     }
+    if (object.interface == kMediumInterface) media.insert(object.name);
     if (object.interface == "rtpm.configuration.Configuration" &&
         object.name.ends_with(kConfigurationEnd)) {
       configured.push_back(object.name.substr(0, object.name.size() - kConfigurationEnd.size()));
@@ -265,6 +274,7 @@ void Console::take_objects(const ObjectsView& view) {
   device_watch_.set_devices(devices);
   hub_.set_devices(devices);
   event_channels_.set_devices(device_names_);
+  media_channels_.set_media(media);
   parameters_.set_objects(std::move(configured));
   objects_services_.set_objects(view.objects);
 }
@@ -401,6 +411,7 @@ Json Console::state() const {
           {"servers", servers_json(servers_)},
           {"objects", std::move(objects)},
           {"devices", std::move(devices)},
+          {"media", media_channels_.state()},
           {"not_stopped", stops_.owed_json(now)},
           {"recording", records_.recording_json()},
           {"replay", records_.replay_json()},

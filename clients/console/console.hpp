@@ -10,12 +10,14 @@
 
 #include "channels/channel_table.hpp"
 #include "channels/event_channels.hpp"
+#include "channels/media_channels.hpp"
 #include "configuration.hpp"
 #include "live/device_state.hpp"
 #include "live/device_watch.hpp"
 #include "live/hub_report.hpp"
 #include "live/hub_watch.hpp"
 #include "live/lane_watch.hpp"
+#include "live/media_watch.hpp"
 #include "live/object_watch.hpp"
 #include "operators/operator_desk.hpp"
 #include "operators/stop_desk.hpp"
@@ -76,6 +78,7 @@ class Console final : public ConnectionHandler {
   Clients clients_{};
   ChannelTable channels_;
   EventChannels event_channels_;
+  MediaChannels media_channels_;
   CallRouter router_;
   WorkerPool pool_{};        ///< Work for clients that may command.
   WorkerPool background_{};  ///< Work for the console itself and for observers.
@@ -87,6 +90,7 @@ class Console final : public ConnectionHandler {
   RecordDesk records_;
   HubWatch hub_;
   DeviceWatch device_watch_;
+  MediaWatch media_watch_;
   std::map<std::string, DeviceState> devices_{};  ///< Bound and lost devices.
   std::set<std::string> device_names_{};          ///< Bound devices.
   /// Lapsed names that were dismissed: registry, name and revision.
@@ -102,6 +106,7 @@ class Console final : public ConnectionHandler {
   PeriodicThread hub_thread_{};
   PeriodicThread report_thread_{};
   PeriodicThread stop_thread_{};
+  PeriodicThread media_thread_{};
 };
 
 }  // namespace rtpm::console

@@ -146,9 +146,10 @@ std::optional<SetupError> HostedMedium::watch() {
   std::uint64_t count = 0;
   MonotonicTime silent_since = rt::now();
   while (!is_ending_.load(std::memory_order_acquire)) {
-    if (auto problem = pipeline_->wait_for_end(rt::now() + kLookInterval)) return problem;
+    auto problem = pipeline_->wait_for_end(rt::now() + kLookInterval);
     const std::uint64_t now_count = pipeline_->piece_count();
     if (count == 0 && now_count > 0) server_.begin();
+    if (problem) return problem;
     if (std::exchange(count, now_count) != now_count) silent_since = rt::now();
     if (rt::now() - silent_since > kSilenceMax) {
       return SetupError{"its pipeline has given nothing for 5 s", "its source gives no data",

@@ -3,77 +3,17 @@
 #include <gst/video/video-event.h>
 
 #include <algorithm>
-#include <string_view>
 #include <utility>
 
+#include "formats.hpp"
 #include "pipeline_error.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::camerad {
 namespace {
 
-constexpr const char* kVideoCaps =
-    "video/x-h264, stream-format=byte-stream, alignment=au; image/jpeg";
-constexpr const char* kSoundCaps = "audio/x-raw, format=S16LE, layout=interleaved; audio/x-opus";
 /// A piece from the future comes of a source that does not run with time, such as a file.
 constexpr Duration kAheadMax = std::chrono::milliseconds{100};
-
-int number(const GstStructure& structure, const char* field) {
-  int value = 0;
-  static_cast<void>(gst_structure_get_int(&structure, field, &value));
-  return std::max(value, 0);
-}
-
-media::VideoFormatT video_format(const GstStructure& structure) {
-  media::VideoFormatT format;
-  const std::string_view type = gst_structure_get_name(&structure);
-  format.codec = type == "image/jpeg" ? media::Codec::Jpeg : media::Codec::H264;
-  format.width_px = static_cast<std::uint32_t>(number(structure, "width"));
-  format.height_px = static_cast<std::uint32_t>(number(structure, "height"));
-  int numerator = 0;
-  int denominator = 0;
-  if (gst_structure_get_fraction(&structure, "framerate", &numerator, &denominator) != FALSE &&
-      denominator > 0) {
-    format.rate_hz = static_cast<double>(numerator) / denominator;
-  }
-  return format;
-}
-
-media::SoundFormatT sound_format(const GstStructure& structure) {
-  media::SoundFormatT format;
-  const std::string_view type = gst_structure_get_name(&structure);
-  format.codec = type == "audio/x-opus" ? media::Codec::Opus : media::Codec::PcmS16;
-  format.sample_rate_hz = static_cast<std::uint32_t>(number(structure, "rate"));
-  format.channel_count = static_cast<std::uint32_t>(number(structure, "channels"));
-  return format;
-}
-
-/// The bytes of a buffer while this lives.
-class Mapped {
- public:
-  explicit Mapped(GstBuffer& buffer) : buffer_(buffer) {
-    is_mapped_ = gst_buffer_map(&buffer_, &map_, GST_MAP_READ) != FALSE;
-  }
-  Mapped(const Mapped&) = delete;
-  Mapped& operator=(const Mapped&) = delete;
-  ~Mapped() {
-    if (is_mapped_) gst_buffer_unmap(&buffer_, &map_);
-  }
-  [[nodiscard]] ConstBytes bytes() const noexcept {
-    return is_mapped_ ? std::as_bytes(std::span(map_.data, map_.size)) : ConstBytes{};
-  }
-
- private:
-  GstBuffer& buffer_;
-  GstMapInfo map_{};
-  bool is_mapped_ = false;
-};
-
-Duration duration_of(const GstBuffer& buffer) {
-  const GstClockTime duration = GST_BUFFER_DURATION(&buffer);
-  return GST_CLOCK_TIME_IS_VALID(duration) ? Duration{static_cast<std::int64_t>(duration)}
-                                           : Duration{};
-}
 
 /// Ends the pipeline with an error of `sink`.
 GstFlowReturn fail(GstElement* sink, const char* what, const char* remedy) {

@@ -135,6 +135,19 @@ void ChannelTable::publish(std::uint32_t channel_id, std::uint64_t log_time_ns,
   }
 }
 
+void ChannelTable::publish_picture(std::uint32_t channel_id, std::uint64_t log_time_ns,
+                                   std::string payload, bool is_key) {
+  const auto channel = channels_.find(channel_id);
+  if (channel == channels_.end() || channel->second.subscribers.empty()) return;
+  const auto shared = std::make_shared<const std::string>(std::move(payload));
+  const auto subscribers = channel->second.subscribers;
+  for (const auto& [connection, subscription] : subscribers) {
+    if (Client* const client = clients_.find(connection)) {
+      client->connection->send_picture(subscription, log_time_ns, shared, is_key);
+    }
+  }
+}
+
 void ChannelTable::publish_to(std::uint64_t connection_id, std::uint32_t channel_id,
                               std::uint64_t log_time_ns, std::string payload) {
   const auto channel = channels_.find(channel_id);

@@ -44,6 +44,9 @@ class ChannelTable {
 
   /// Sends a message to all subscribers; the payload is shared.
   void publish(std::uint32_t channel_id, std::uint64_t log_time_ns, std::string payload);
+  /// Sends a picture to all subscribers, like Connection::send_picture().
+  void publish_picture(std::uint32_t channel_id, std::uint64_t log_time_ns, std::string payload,
+                       bool is_key);
   /// Sends a message to one subscriber.
   void publish_to(std::uint64_t connection_id, std::uint32_t channel_id, std::uint64_t log_time_ns,
                   std::string payload);

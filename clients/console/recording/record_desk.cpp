@@ -11,12 +11,25 @@ namespace {
 using OrderedJson = nlohmann::ordered_json;
 
 constexpr Duration kHubDeadline = std::chrono::milliseconds{500};
+/// The cameras and microphones of one recording.
+constexpr std::size_t kMediaCountMax = 16;
 /// The time limit for opening a recording; one without a summary is read completely.
 constexpr Duration kOpenTimeMax = std::chrono::seconds{20};
 
 std::string text_in(const nlohmann::json& request, const char* key) {
   const auto found = request.find(key);
   return found != request.end() && found->is_string() ? found->get<std::string>() : std::string{};
+}
+
+/// The texts of a list, at most kMediaCountMax.
+std::vector<std::string> texts_in(const nlohmann::json& request, const char* key) {
+  std::vector<std::string> texts;
+  const auto found = request.find(key);
+  if (found == request.end() || !found->is_array()) return texts;
+  for (const nlohmann::json& one : *found) {
+    if (one.is_string() && texts.size() < kMediaCountMax) texts.push_back(one.get<std::string>());
+  }
+  return texts;
 }
 
 foxglove::ChannelInfo channel_info(const recording::Channel& channel,
@@ -114,28 +127,31 @@ void RecordDesk::start_recording(const PendingCall& call, const Json& request) {
   const auto path = folder_.path_of(file);
   if (!path) return router_.fail(call, path.error().text());
   is_changing_ = true;
-  const bool is_queued = pool_.run("recording", [this, call, file, path = *path] {
-    std::string problem;
-    std::shared_ptr<capture::LiveRecording> created;
-    if (auto recording = capture::LiveRecording::start(
-            node_, path.string(),
-            {.hub = config_.hub, .registry = config_.registry, .deadline = kHubDeadline})) {
-      created = std::move(*recording);
-    } else {
-      problem = recording.error().text();
-    }
-    post_([this, call, file, problem, created] {
-      is_changing_ = false;
-      if (!created) return router_.fail(call, problem);
-      {
-        const std::lock_guard lock(mutex_);
-        recording_ = created;
-      }
-      recorded_file_ = file;
-      problem_.clear();
-      router_.succeed(call, OrderedJson{{"file", file}});
-    });
-  });
+  const bool is_queued =
+      pool_.run("recording", [this, call, file, path = *path, media = texts_in(request, "media")] {
+        std::string problem;
+        std::shared_ptr<capture::LiveRecording> created;
+        if (auto recording = capture::LiveRecording::start(node_, path.string(),
+                                                           {.hub = config_.hub,
+                                                            .registry = config_.registry,
+                                                            .deadline = kHubDeadline,
+                                                            .media = media})) {
+          created = std::move(*recording);
+        } else {
+          problem = recording.error().text();
+        }
+        post_([this, call, file, problem, created] {
+          is_changing_ = false;
+          if (!created) return router_.fail(call, problem);
+          {
+            const std::lock_guard lock(mutex_);
+            recording_ = created;
+          }
+          recorded_file_ = file;
+          problem_.clear();
+          router_.succeed(call, OrderedJson{{"file", file}});
+        });
+      });
   if (is_queued) return;
   is_changing_ = false;
   router_.fail(call, "too much waits to be done; try again");

@@ -51,6 +51,10 @@ class Connection {
   /// Sends a subscription's message; drops older ones if the client is slow.
   virtual void send_message(std::uint32_t subscription_id, std::uint64_t log_time_ns,
                             SharedText payload) = 0;
+  /// Sends a picture: a key frame replaces the subscription's pictures that wait; see
+  /// SendQueue::push_picture().
+  virtual void send_picture(std::uint32_t subscription_id, std::uint64_t log_time_ns,
+                            SharedText payload, bool is_key) = 0;
   virtual void close(CloseCode code, std::string_view reason) = 0;
 };
 

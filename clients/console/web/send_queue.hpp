@@ -1,11 +1,13 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -30,6 +32,9 @@ class SendQueue {
  public:
   static constexpr std::size_t kDataCountMax = 256;
   static constexpr std::size_t kDataByteMax = std::size_t{8} << 20;
+  /// Limits of pictures: bytes of all subscriptions together, count of each.
+  static constexpr std::size_t kPictureByteMax = std::size_t{4} << 20;
+  static constexpr std::size_t kPictureCountMax = 8;
   static constexpr std::size_t kControlCountMax = 1024;
   static constexpr std::size_t kControlByteMax = std::size_t{32} << 20;
 
@@ -46,6 +51,27 @@ class SendQueue {
       data_.pop_front();
       ++dropped_count_;
     }
+  }
+  /// Appends a picture of a subscription, behind all other frames. A key frame replaces those of
+  /// the subscription that wait: the newest picture wins. Another one is dropped if it is above the
+  /// limits, and so are all after it up to the next key frame, as they need it.
+  void push_picture(std::uint32_t subscription, OutgoingFrame frame, bool is_key) {
+    if (is_key) drop_pictures(subscription);
+    const auto waiting = static_cast<std::size_t>(std::ranges::count_if(
+        pictures_, [&](const Picture& one) { return one.subscription == subscription; }));
+    const std::size_t size = size_of(frame);
+    const bool is_too_much = !pictures_.empty() && picture_byte_count_ + size > kPictureByteMax;
+    const bool may_follow = is_key || decodable_.contains(subscription);
+    if (!may_follow || waiting >= kPictureCountMax || is_too_much) {
+      decodable_.erase(subscription);
+      ++dropped_count_;
+      return;
+    }
+    // Subscriptions that have ended are forgotten here, too; others go on with a key frame.
+    if (decodable_.size() >= kDataCountMax) decodable_.clear();
+    decodable_.insert(subscription);
+    picture_byte_count_ += size;
+    pictures_.push_back({subscription, std::move(frame)});
   }
   /// @return false if it is full; the caller then disconnects the client
   [[nodiscard]] bool push_control(OutgoingFrame frame) {
@@ -64,7 +90,7 @@ class SendQueue {
       control_byte_count_ -= size_of(frame);
       return frame;
     }
-    if (data_.empty()) return std::nullopt;
+    if (data_.empty()) return pop_picture();
     OutgoingFrame frame = std::move(data_.front());
     data_byte_count_ -= size_of(frame);
     data_.pop_front();
@@ -73,6 +99,24 @@ class SendQueue {
   [[nodiscard]] std::uint64_t dropped_count() const noexcept { return dropped_count_; }
 
  private:
+  struct Picture {
+    std::uint32_t subscription = 0;
+    OutgoingFrame frame{};
+  };
+  void drop_pictures(std::uint32_t subscription) {
+    dropped_count_ += std::erase_if(pictures_, [&](const Picture& one) {
+      if (one.subscription != subscription) return false;
+      picture_byte_count_ -= size_of(one.frame);
+      return true;
+    });
+  }
+  [[nodiscard]] std::optional<OutgoingFrame> pop_picture() {
+    if (pictures_.empty()) return std::nullopt;
+    OutgoingFrame frame = std::move(pictures_.front().frame);
+    picture_byte_count_ -= size_of(frame);
+    pictures_.pop_front();
+    return frame;
+  }
   [[nodiscard]] static std::size_t size_of(const OutgoingFrame& frame) noexcept {
     return frame.head_size + (frame.body ? frame.body->size() : 0);
   }
@@ -82,6 +126,9 @@ class SendQueue {
   std::size_t control_byte_count_ = 0;
   std::deque<OutgoingFrame> data_{};
   std::size_t data_byte_count_ = 0;
+  std::deque<Picture> pictures_{};
+  std::size_t picture_byte_count_ = 0;
+  std::set<std::uint32_t> decodable_{};  ///< Subscriptions that got all since a key frame.
   std::uint64_t dropped_count_ = 0;
 };
 

@@ -185,10 +185,14 @@ class WebSocketSession final : public Connection,
   void send_message(std::uint32_t subscription_id, std::uint64_t log_time_ns,
                     SharedText payload) override {
     if (!is_open_) return;
-    OutgoingFrame frame{.head_size = foxglove::kMessageHeadSize, .body = std::move(payload)};
-    const auto head = foxglove::message_head(subscription_id, log_time_ns);
-    std::ranges::copy(head, frame.head.begin());
-    queue_.push_data(std::move(frame));
+    queue_.push_data(message_frame(subscription_id, log_time_ns, std::move(payload)));
+    write();
+  }
+  void send_picture(std::uint32_t subscription_id, std::uint64_t log_time_ns, SharedText payload,
+                    bool is_key) override {
+    if (!is_open_) return;
+    queue_.push_picture(subscription_id,
+                        message_frame(subscription_id, log_time_ns, std::move(payload)), is_key);
     write();
   }
   void close(CloseCode code, std::string_view reason) override {
@@ -201,6 +205,13 @@ class WebSocketSession final : public Connection,
   }
 
  private:
+  static OutgoingFrame message_frame(std::uint32_t subscription_id, std::uint64_t log_time_ns,
+                                     SharedText payload) {
+    OutgoingFrame frame{.head_size = foxglove::kMessageHeadSize, .body = std::move(payload)};
+    const auto head = foxglove::message_head(subscription_id, log_time_ns);
+    std::ranges::copy(head, frame.head.begin());
+    return frame;
+  }
   /// Closes a displaced client; skips the closing handshake if too many are closing.
   void give_way() {
     const auto self = shared_from_this();

@@ -18,6 +18,7 @@
 #include "rtpm/capture/call_recorder.hpp"
 #include "rtpm/capture/device_recorder.hpp"
 #include "rtpm/capture/hub_recorder.hpp"
+#include "rtpm/capture/medium_recorder.hpp"
 #include "rtpm/events/filter_text.hpp"
 #include "rtpm/events/hub_types.hpp"
 #include "rtpm/names/directory.hpp"
@@ -40,6 +41,7 @@ struct RecordRequest : EventRequest {
   bool is_hub_given = false;
   std::vector<std::string> devices{};  ///< Devices to poll, by name.
   double poll_rate_hz = 60;
+  std::vector<std::string> media{};  ///< Cameras and microphones, by name or URL.
   std::vector<std::string> calls{};  ///< Objects whose calls are tapped, by name or URL.
 
   /// Whether events were requested explicitly.
@@ -62,10 +64,12 @@ class Sources {
   int open() {
     if (const int exit_code = open_calls(); exit_code != kDone) return exit_code;
     if (const int exit_code = poll_devices(); exit_code != kDone) return exit_code;
-    // Recording only calls needs no hub, and devices alone are enough if no hub answers.
+    if (const int exit_code = open_media(); exit_code != kDone) return exit_code;
+    // Recording only calls needs no hub, and devices or media are enough if no hub answers.
     if (!request_.needs_hub() && !request_.calls.empty()) return kDone;
     auto types = events::HubTypes::ask(context_.node(), request_.hub, deadline_);
-    if (!types && !request_.needs_hub() && !request_.devices.empty()) return kDone;
+    const bool has_others = !request_.devices.empty() || !request_.media.empty();
+    if (!types && !request_.needs_hub() && has_others) return kDone;
     if (!types) {
       return context_.not_reached(with_similar_names(context_, request_.hub, types.error()));
     }
@@ -87,11 +91,13 @@ class Sources {
   void end() {
     if (hub_) hub_->finish();
     if (devices_) devices_->stop();
+    for (const auto& medium : media_)
+      medium->stop();
     for (const auto& server : calls_)
       server->stop();
     report();
   }
-  /// The calls of all servers; dropped_count includes lost events.
+  /// The calls of all servers; dropped_count includes lost events and pictures.
   [[nodiscard]] capture::CallRecorderStatus counts() const {
     capture::CallRecorderStatus sum{.dropped_count = hub_ ? hub_->lost_count() : 0};
     for (const auto& server : calls_) {
@@ -101,6 +107,8 @@ class Sources {
       sum.omitted_payload_count += status.omitted_payload_count;
       sum.unreadable_count += status.unreadable_count;
     }
+    for (const auto& medium : media_)
+      sum.dropped_count += medium->status().lost_count;
     return sum;
   }
 
@@ -133,6 +141,17 @@ class Sources {
     }
     return kDone;
   }
+  int open_media() {
+    for (const std::string& name : request_.media) {
+      auto medium = capture::MediumRecorder::start(context_.node(), recorder_, name);
+      if (!medium) {
+        return context_.not_reached(
+            named(name, with_similar_names(context_, name, medium.error())));
+      }
+      media_.push_back(std::move(*medium));
+    }
+    return kDone;
+  }
   int open_hub(events::HubTypes types) {
     const auto filter = events::parse_filter(request_.filter, types.list());
     if (!filter) return context_.fail_at("filter", request_.filter, filter.error());
@@ -152,6 +171,10 @@ class Sources {
     const auto reports = hub_ ? hub_->take_reports() : std::vector<std::string>{};
     for (const std::string& text : reports)
       rt::print_error("rtpm", text);
+    for (const auto& medium : media_) {
+      for (const std::string& text : medium->take_reports())
+        rt::print_error("rtpm", text);
+    }
     if (!devices_) return;
     for (const auto& [name, count] : devices_->failed_counts()) {
       if (!failed_.insert(name).second) continue;
@@ -165,6 +188,7 @@ class Sources {
   Duration deadline_;
   std::vector<std::unique_ptr<capture::CallRecorder>> calls_{};
   std::optional<capture::DeviceRecorder> devices_{};
+  std::vector<std::unique_ptr<capture::MediumRecorder>> media_{};
   std::unique_ptr<capture::HubRecorder> hub_{};
   std::set<std::string> failed_{};  ///< Devices for which a failed poll was reported.
 };
@@ -172,6 +196,10 @@ class Sources {
 recording::RecorderConfig config_of(const RecordRequest& request) {
   recording::RecorderConfig config;
   config.writer.profile = "rtpm";
+  if (!request.media.empty()) {
+    config.message_byte_max = capture::kPictureByteMax;
+    config.ring_byte_count = 4 * capture::kPictureByteMax;
+  }
   config.writer.compression = request.compression == "zstd"  ? recording::Compression::kZstd
                               : request.compression == "lz4" ? recording::Compression::kLz4
                                                              : recording::Compression::kNone;
@@ -266,6 +294,11 @@ void add_source_options(CLI::App& command, const std::shared_ptr<RecordRequest>&
       ->check(CLI::Range(0.1, 10'000.0))
       ->capture_default_str();
   command
+      .add_option("--media", request->media,
+                  "Cameras and microphones, by name or URL: lab/cam0,lab/mic0")
+      ->delimiter(',')
+      ->type_name("NAMES");
+  command
       .add_option("--calls", request->calls,
                   "Calls of this object, by name or URL; may be repeated")
       ->type_name("TARGET")
@@ -281,11 +314,14 @@ void add_record(CLI::App& program, Context& context) {
       "  rtpm record run.mcap --filter 'type(lab.Touched) or type(rtpm.device.Sampled)'\n"
       "  rtpm record run.mcap --devices lab/knob0 --poll-rate 200\n"
       "  rtpm record run.mcap --calls lab/arm0 --calls lab/arm1\n"
+      "  rtpm record run.mcap --media lab/cam0\n"
       "Foxglove and Lichtblick open the file: MCAP with embedded FlatBuffers schemas, a channel per\n"
       "type and source, of a device by its name: lab/arm0/sampled, lab/arm0/description. `rtpm\n"
       "play` re-creates these devices. --calls records requests, responses and how calls went:\n"
       "lab/arm0/read/request, lab/arm0/read/response, lab/arm0/calls; events come along only with\n"
-      "--hub or --filter. Ctrl-C ends it; one that was killed is saved by `rtpm bag recover`. "
+      "--hub or --filter. --media records cameras and microphones at the time of capture, as\n"
+      "lab/cam0/video and lab/cam0/sound. Ctrl-C ends it; one that was killed is saved by `rtpm "
+      "bag recover`. "
       "What\n"
       "was dropped is counted, shown, and written into the file.\n",
       [request](Context& c) { return record(c, *request); });

@@ -126,6 +126,104 @@ describe('the page', () => {
   });
 });
 
+describe('a camera', () => {
+  /**
+   * Each picture that the page shows until the lamp was lit among `count` of them, with its bar code
+   * and lamp, and the knob's presses.
+   */
+  const watch = (count) =>
+    page.evaluate(async (countMin) => {
+      const canvas = document.querySelector('[data-testid="camera-lab/cam0"]');
+      const context = canvas.getContext('2d', {willReadFrequently: true});
+      // As devices/camera/bar_code.cpp paints it.
+      const readNumber = (isWhite) => {
+        const width = Math.floor(canvas.width / 16);
+        const height = Math.floor(canvas.height / 9);
+        let number = 0n;
+        for (let row = 0; row < 8; ++row) {
+          for (let column = 0; column < 8; ++column) {
+            const x = column * width + Math.floor(width / 2);
+            const y = row * height + Math.floor(height / 2);
+            if (isWhite(x, y)) number |= 1n << BigInt(8 * row + column);
+          }
+        }
+        return number;
+      };
+      const pictures = [];
+      const observer = new MutationObserver(() => {
+        const {data} = context.getImageData(0, 0, canvas.width, canvas.height);
+        const isWhite = (x, y) => data[4 * (y * canvas.width + x)] >= 128;
+        pictures.push({
+          captureNs: canvas.dataset.captureNs,
+          number: String(readNumber(isWhite)),
+          isLit: isWhite(Math.floor(canvas.width * 0.75), Math.floor(canvas.height / 2)),
+        });
+      });
+      const presses = [];
+      const socket = new WebSocket(location.origin.replace('http', 'ws'), ['foxglove.sdk.v1']);
+      socket.binaryType = 'arraybuffer';
+      socket.onmessage = ({data}) => {
+        if (typeof data === 'string') {
+          const {op, channels = []} = JSON.parse(data);
+          const found = channels.find(({topic}) => topic === 'lab/knob0/event');
+          if (op !== 'advertise' || found === undefined) return;
+          const subscriptions = [{id: 1, channelId: found.id}];
+          socket.send(JSON.stringify({op: 'subscribe', subscriptions}));
+          return;
+        }
+        const event = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 13)));
+        if (!/ButtonChanged/.test(event.type) || !JSON.stringify(event).includes('true')) return;
+        presses.push(String(new DataView(data).getBigUint64(5, true)));
+      };
+      observer.observe(canvas, {attributeFilter: ['data-capture-ns']});
+      const isDone = () =>
+        pictures.length >= countMin &&
+        pictures.some((one, i) => i > 0 && one.isLit && !pictures[i - 1].isLit) &&
+        presses.length > 0;
+      const endMs = performance.now() + 60_000;
+      while (!isDone() && performance.now() < endMs)
+        await new Promise((resolve) => setTimeout(resolve, 50));
+      // The event of the last picture's press may still be on its way.
+      await new Promise((resolve) => setTimeout(resolve, 500));
+      observer.disconnect();
+      socket.close();
+      return {pictures, presses};
+    }, count);
+
+  it('shows beside the device, and its lamp at the time of the button', async (t) => {
+    if (!(await system.startCamera())) return t.skip('rtpm-camerad is not built');
+    await show(page, 'live/lab/knob0');
+    const card = page.locator('.camera:not(.is-stale)');
+    await card.getByText(/captured \d+ ms ago ± 34 ms · 640 × 480 at 30 Hz/).waitFor();
+    await keep(page, artefacts, 'camera-desktop-light');
+    const {pictures, presses} = await watch(20);
+    assert.ok(pictures.length >= 20, `${pictures.length} pictures`);
+    // The bar code is on the system's clock; the difference of the two clocks is one number.
+    const lags = pictures.map((one) => Number(BigInt(one.captureNs) - BigInt(one.number)));
+    assert.ok(Math.max(...lags) - Math.min(...lags) < 5e6, `${Math.max(...lags) - Math.min(...lags)} ns`);
+    const kUncertaintyNs = 34_000_000n;
+    const kPeriodNs = 34_000_000n;
+    let litCount = 0;
+    for (const [i, one] of pictures.entries()) {
+      if (i === 0 || !one.isLit || pictures[i - 1].isLit) continue;
+      ++litCount;
+      const low = BigInt(pictures[i - 1].captureNs) - kUncertaintyNs;
+      const high = BigInt(one.captureNs) + kPeriodNs + kUncertaintyNs;
+      assert.ok(
+        presses.some((press) => low <= BigInt(press) && BigInt(press) <= high),
+        `lit at ${one.captureNs}, pressed at ${presses}`,
+      );
+    }
+    assert.ok(litCount > 0, 'the lamp was never lit');
+  });
+
+  it('that is gone leaves no picture that looks live', async (t) => {
+    if (system.camera === undefined) return t.skip('rtpm-camerad is not built');
+    await system.camera.end('SIGKILL');
+    await page.locator('.camera.is-stale').or(page.locator('.live-side:not(:has(.camera))')).waitFor();
+  });
+});
+
 describe('parameters', () => {
   const field = (name) => page.locator(`[data-parameter="${name}"]`);
 

@@ -1,6 +1,6 @@
 // The running system beside which the page is tested: registry, devices, force node, console.
 import {spawn} from 'node:child_process';
-import {mkdirSync, writeFileSync} from 'node:fs';
+import {existsSync, mkdirSync, writeFileSync} from 'node:fs';
 import {createInterface} from 'node:readline';
 
 const kPatienceMs = 30_000;
@@ -82,6 +82,14 @@ export class System {
     );
     await this.startServo();
     await this.startConsole('0');
+  }
+
+  /** A camera whose lamp follows the knob's button; false where RTPM is built without cameras. */
+  async startCamera() {
+    if (!existsSync(`${this.#folder}/rtpm-camerad`)) return false;
+    const args = ['--port', '0', '--registry', this.registry, '--medium-cam0-button', 'lab/knob0'];
+    this.camera = await this.#launch('rtpm-camerad', args, kRtpm);
+    return true;
   }
 
   /** Soft, so that a greater stiffness shows in the force. */

@@ -48,6 +48,43 @@ TEST(SendQueues, BoundTheBytesOfData) {
   EXPECT_EQ(popped(queue).front(), 'y');
 }
 
+TEST(SendQueues, KeepTheNewestPicturesOnly) {
+  SendQueue queue;
+  queue.push_picture(1, frame("late"), false);
+  EXPECT_EQ(popped(queue), "(none)") << "a subscription begins with a key frame";
+  queue.push_picture(1, frame("key"), true);
+  queue.push_picture(1, frame("next"), false);
+  queue.push_picture(2, frame("other"), true);
+  queue.push_data(frame("data"));
+  EXPECT_EQ(popped(queue), "data") << "pictures delay nothing else";
+  queue.push_picture(1, frame("key2"), true);
+  EXPECT_EQ(popped(queue), "other");
+  EXPECT_EQ(popped(queue), "key2");
+  EXPECT_EQ(popped(queue), "(none)");
+  EXPECT_EQ(queue.dropped_count(), 3U);
+}
+
+TEST(SendQueues, DropPicturesUpToTheNextKeyFrame) {
+  SendQueue queue;
+  queue.push_picture(1, frame("key"), true);
+  for (std::size_t i = 1; i <= SendQueue::kPictureCountMax; ++i)
+    queue.push_picture(1, frame(std::to_string(i)), false);
+  EXPECT_EQ(queue.dropped_count(), 1U);
+  while (queue.pop()) {
+  }
+  queue.push_picture(1, frame("needs what was dropped"), false);
+  EXPECT_EQ(popped(queue), "(none)");
+  queue.push_picture(1, frame("key"), true);
+  queue.push_picture(1, frame("next"), false);
+  EXPECT_EQ(popped(queue), "key");
+  EXPECT_EQ(popped(queue), "next");
+  const std::string large(SendQueue::kPictureByteMax, 'x');
+  queue.push_picture(2, frame(large), true);
+  queue.push_picture(3, frame(large), true);
+  EXPECT_EQ(popped(queue).size(), large.size());
+  EXPECT_EQ(popped(queue), "(none)") << "the bytes of all subscriptions are bounded";
+}
+
 TEST(SendQueues, RefuseControlAboveItsCountOrBytes) {
   SendQueue many;
   for (std::size_t i = 0; i < SendQueue::kControlCountMax; ++i)

@@ -5,7 +5,14 @@ const recorded = JSON.parse(
   readFileSync(new URL('../tests/fixtures/recorded.json', import.meta.url), 'utf8'),
 );
 
-export const schemas = recorded.schemas;
+const pictures = JSON.parse(
+  readFileSync(new URL('../tests/fixtures/pictures.json', import.meta.url), 'utf8'),
+);
+
+export const schemas = {...recorded.schemas, 'foxglove.CompressedImage': pictures.schema};
+
+/** Pictures of a camera; the time of a message is that of its frame. */
+export const picturePayloads = pictures.jpeg.map((one) => Buffer.from(one, 'base64'));
 
 function templateOf(schemaName) {
   const found = recorded.messages.find((one) => one.schemaName === schemaName);

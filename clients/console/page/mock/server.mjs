@@ -5,7 +5,7 @@ import {createReadStream} from 'node:fs';
 import {createServer} from 'node:http';
 import {fileURLToPath} from 'node:url';
 import {WebSocketServer} from 'ws';
-import {samplePayload, schemas, touchPayload} from './payloads.mjs';
+import {picturePayloads, samplePayload, schemas, touchPayload} from './payloads.mjs';
 import {System} from './system.mjs';
 
 const port = Number(process.argv[2] ?? 8765);
@@ -40,6 +40,7 @@ function addChannel(topic, schemaName = '') {
 ['console/state', 'console/latency', 'console/log'].forEach((topic) => addChannel(topic));
 system.devices.forEach(({name}) => addChannel(`${name}/sample`, 'rtpm.device.Sampled'));
 addChannel(`rtpm.touch.Touched/${kSource}`, 'rtpm.touch.Touched');
+addChannel('lab/cam0/video', 'foxglove.CompressedImage');
 const kLiveCount = channels.length;
 
 const services = [
@@ -295,6 +296,18 @@ setInterval(() => {
     servers: system.servers(),
     objects: system.objects(),
     devices: system.devices,
+    media: [
+      {
+        name: 'lab/cam0',
+        frame: 'cam0_optical',
+        width_px: 160,
+        height_px: 120,
+        rate_hz: 10,
+        uncertainty_ns: 5e6,
+        lost_count: 0,
+        problem: '',
+      },
+    ],
     not_stopped: system.notStopped,
     recording: recorded ?? {
       file: null,
@@ -314,6 +327,11 @@ setInterval(
   () => publish('console/latency', system.latency(system.devices.map((one) => one.name))),
   1000,
 );
+
+let pictureCount = 0;
+setInterval(() => {
+  publish('lab/cam0/video', picturePayloads[++pictureCount % picturePayloads.length]);
+}, 100);
 
 function move(time, topicOf, timeMs) {
   const {position, proxy, force, face} = system.arm(time);

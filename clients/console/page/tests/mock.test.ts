@@ -119,7 +119,7 @@ it('is refused while another browser operates the device, unless forced', async 
 });
 
 it('records, replays and seeks', async () => {
-  await app.recordings.start();
+  await app.recordings.start([]);
   await until(() => app.state.value?.recording.file !== null);
   await app.recordings.stop();
   const made = app.recordings.entries.value?.[0];

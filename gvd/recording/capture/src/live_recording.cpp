@@ -1,11 +1,13 @@
 #include "rtpm/capture/live_recording.hpp"
 
+#include <algorithm>
 #include <mutex>
 #include <span>
 #include <utility>
 
 #include "rtpm/capture/channels.hpp"
 #include "rtpm/capture/hub_recorder.hpp"
+#include "rtpm/capture/medium_recorder.hpp"
 #include "rtpm/events/hub_types.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
@@ -66,6 +68,11 @@ struct LiveRecording::Impl {
         {.hub = config.hub, .registry = config.registry, .deadline = config.deadline});
     if (!created) return unexpected{created.error()};
     hub = std::move(*created);
+    for (const std::string& name : config.media) {
+      auto medium = MediumRecorder::start(node, *recorder, name);
+      if (!medium) return setup_error(name, std::move(medium.error()));
+      media.push_back(std::move(*medium));
+    }
     auto begun = rt::Thread::start({.name = "rtpm-record", .realtime = rt::RealtimeMode::kOff},
                                    [this] { run(); });
     if (!begun) return unexpected{begun.error()};
@@ -94,6 +101,8 @@ struct LiveRecording::Impl {
       ending.post();
       thread.join();
       hub->finish();
+      for (const auto& medium : media)
+        medium->stop();
     }
     return recorder->close();
   }
@@ -105,6 +114,7 @@ struct LiveRecording::Impl {
   std::uint16_t annotation_channel;
   std::uint32_t annotation_count = 0;
   std::unique_ptr<HubRecorder> hub{};
+  std::vector<std::unique_ptr<MediumRecorder>> media{};
   rt::Semaphore ending{};
   rt::Thread thread{};
 };
@@ -114,6 +124,11 @@ expected<std::unique_ptr<LiveRecording>, SetupError> LiveRecording::start(
   // If the hub does not answer, no file is created.
   auto types = events::HubTypes::ask(node, config.hub, config.deadline);
   if (!types) return unexpected{types.error()};
+  if (!config.media.empty()) {
+    recording::RecorderConfig& sizes = config.recorder;
+    sizes.message_byte_max = std::max(sizes.message_byte_max, kPictureByteMax);
+    sizes.ring_byte_count = std::max(sizes.ring_byte_count, 4 * kPictureByteMax);
+  }
   auto recorder = recording::Recorder::create(file, config.recorder);
   if (!recorder) return unexpected{recorder.error()};
   const auto channel = add_annotations(**recorder);
@@ -136,9 +151,12 @@ recording::Recorder& LiveRecording::recorder() noexcept {
 }
 
 LiveRecordingStatus LiveRecording::status() const {
+  std::uint64_t lost_pieces = 0;
+  for (const auto& medium : impl_->media)
+    lost_pieces += medium->status().lost_count;
   return {.time = rt::now() - impl_->begin,
           .recorder = impl_->recorder->status(),
-          .lost_count = impl_->hub->lost_count(),
+          .lost_count = impl_->hub->lost_count() + lost_pieces,
           .undescribed_devices = impl_->hub->undescribed_devices()};
 }
 

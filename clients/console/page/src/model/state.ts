@@ -1,3 +1,4 @@
+import type {Medium} from './picture';
 import {flag, list, number, numberOrNull, numbers, object, text, texts} from '../protocol/fields';
 import type {Json, JsonObject} from '../protocol/json';
 
@@ -115,6 +116,7 @@ export interface ConsoleState {
     readonly url: string;
   }[];
   readonly devices: readonly Device[];
+  readonly media: readonly Medium[];
   readonly notStopped: readonly NotStopped[];
   readonly recording: Recording;
   readonly replay: Replay | null;
@@ -208,6 +210,18 @@ export function readState(value: Json): ConsoleState {
         url: text(one['url']),
       })),
     devices: list(state['devices']).map((one) => readDevice(object(one))),
+    media: list(state['media'])
+      .map(object)
+      .map((one) => ({
+        name: text(one['name']),
+        frame: text(one['frame']),
+        widthPx: number(one['width_px']),
+        heightPx: number(one['height_px']),
+        rateHz: number(one['rate_hz']),
+        uncertaintyNs: number(one['uncertainty_ns']),
+        lostCount: number(one['lost_count']),
+        problem: text(one['problem']),
+      })),
     notStopped: list(state['not_stopped'])
       .map(object)
       .map((one) => ({

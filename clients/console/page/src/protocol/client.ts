@@ -11,10 +11,11 @@ export interface Channel {
   readonly schema: string;
 }
 
-/** A message of a channel; its value is decoded when it is asked for. */
+/** A message of a channel. That of a camera has no value, only its payload. */
 export interface Message {
   readonly channel: Channel;
   readonly timeNs: bigint;
+  readonly payload: Uint8Array;
   readonly value: Json | DecodedTable;
 }
 
@@ -57,6 +58,9 @@ export class CallError extends Error {
 }
 
 export const kSubprotocols = ['foxglove.sdk.v1', 'foxglove.websocket.v1'];
+
+/** Their bytes are too many to be decoded one by one. */
+const kPictureSchemas = new Set(['foxglove.CompressedVideo', 'foxglove.CompressedImage']);
 
 type Handler = (message: Message) => void;
 interface OpenCall {
@@ -228,12 +232,13 @@ export class Client {
       const subscription = this.subscriptions.get(frame.subscriptionId);
       if (subscription === undefined) return;
       const {channel, decoder} = subscription;
-      const value =
-        decoder !== null
-          ? decoder.decode(frame.payload)
-          : parseJson(new TextDecoder().decode(frame.payload));
+      const {timeNs, payload} = frame;
+      let value: Json | DecodedTable = null;
+      if (decoder !== null) value = decoder.decode(payload);
+      else if (!kPictureSchemas.has(channel.schemaName))
+        value = parseJson(new TextDecoder().decode(payload));
       const handlers = this.interests.get(channel.topic);
-      handlers?.forEach((handle) => handle({channel, timeNs: frame.timeNs, value}));
+      handlers?.forEach((handle) => handle({channel, timeNs, payload, value}));
     }
   }
 
@@ -271,7 +276,7 @@ export class Client {
 }
 
 function decoderOf(channel: Channel): Decoder | null {
-  if (channel.encoding !== 'flatbuffer') return null;
+  if (channel.encoding !== 'flatbuffer' || kPictureSchemas.has(channel.schemaName)) return null;
   const binary = atob(channel.schema);
   return Decoder.of(
     Uint8Array.from(binary, (one) => one.charCodeAt(0)),

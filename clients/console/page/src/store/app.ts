@@ -37,6 +37,10 @@ export class App {
   /** The views show the recording that is open, instead of the live system. */
   readonly showsReplay: Signal<boolean> = signal(false);
 
+  readonly isVisible: Signal<boolean> = signal(true);
+  /** The console's clock minus the page's, by its newest state. */
+  private offsetMs = 0;
+
   readonly isLive = computed(() => this.link.state.value.phase === 'live');
   readonly mayCommand = computed(() => this.link.info.value?.metadata['rtpm.access'] === 'command');
   readonly devices = computed(() => this.state.value?.devices ?? []);
@@ -74,7 +78,13 @@ export class App {
 
   setVisible(isVisible: boolean): void {
     this.feeds.setVisible(isVisible);
+    this.isVisible.value = isVisible;
     if (isVisible) this.link.check();
+  }
+
+  /** The console's time, in milliseconds since 1970. */
+  consoleMs(): number {
+    return this.nowMs() + this.offsetMs;
   }
 
   device(name: string): Device | null {
@@ -117,6 +127,7 @@ export class App {
   }
 
   private takeState(state: ConsoleState): void {
+    this.offsetMs = state.timeNs / 1e6 - this.nowMs();
     const before = this.state.peek()?.replay?.file ?? null;
     const after = state.replay?.file ?? null;
     if (before !== after) {

@@ -36,8 +36,9 @@ export class Recordings {
       .sort((a, b) => b.beginNs - a.beginNs);
   }
 
-  async start(): Promise<void> {
-    const reply = await this.ask('record_start', {});
+  /** @param media  the cameras that are recorded, too */
+  async start(media: readonly string[]): Promise<void> {
+    const reply = await this.ask('record_start', {media});
     if (reply !== null) this.done.value = `Recording to ${text(object(reply)['file'])}.`;
   }
 

@@ -16,6 +16,7 @@ import {Histogram} from '../drawing/histogram';
 import {SpaceView} from '../drawing/space_view';
 import {StripChart, type ChartSource, type Curve} from '../drawing/strip_chart';
 import {Card, Choice, Empty} from '../parts/parts';
+import {Cameras} from './cameras';
 import {CommandCard} from './commands';
 import {Readings} from './readings';
 
@@ -119,6 +120,7 @@ function OneDevice({name, device}: {name: string; device: Device | null}) {
       </div>
       <div class="live-side">
         {isReplay ? <ReplayCard /> : <CommandCard name={name} device={device} />}
+        <Cameras />
         <Readings name={name} device={device} source={source} />
         {!isReplay && (
           <Card title="Latency of reads" class="live-zone">

@@ -1,4 +1,5 @@
 import {useEffect} from 'preact/hooks';
+import {useSignal} from '@preact/signals';
 import {useApp} from '../store/app';
 import type {Entry} from '../store/recordings';
 import {writeRoute} from '../store/route';
@@ -50,6 +51,8 @@ function RecordCard() {
   const recording = app.state.value?.recording;
   const isUsable = app.isLive.value && app.mayCommand.value;
   const isOn = recording !== undefined && recording.file !== null;
+  const media = (app.state.value?.media ?? []).map((one) => one.name);
+  const withMedia = useSignal(true);
   return (
     <Card title="Record" class="live-zone">
       <div class="row">
@@ -70,7 +73,7 @@ function RecordCard() {
             class="record"
             data-testid="record"
             disabled={!isUsable}
-            onClick={() => void app.recordings.start()}
+            onClick={() => void app.recordings.start(withMedia.value ? media : [])}
           >
             <i aria-hidden="true" />
             Record
@@ -89,6 +92,16 @@ function RecordCard() {
           </p>
         ) : (
           <p class="quiet">All events of the hub, with samples and touches, in one MCAP file.</p>
+        )}
+        {!isOn && media.length > 0 && (
+          <label>
+            <input
+              type="checkbox"
+              checked={withMedia.value}
+              onChange={(event) => (withMedia.value = event.currentTarget.checked)}
+            />{' '}
+            with picture and sound of {media.join(', ')}
+          </label>
         )}
       </div>
       {recording !== undefined && recording.problem !== '' && (

@@ -23,6 +23,8 @@ inline constexpr const char* kDeviceKey = "rtpm.device";  ///< The device's name
 /// Size in bytes of a payload that was a bare struct; the recorded table contains it as its only
 /// field.
 inline constexpr const char* kStructSizeKey = "rtpm.struct_size";
+/// How far the log times of a medium may be off.
+inline constexpr const char* kUncertaintyKey = "rtpm.uncertainty_ns";
 
 /// Values of kKindKey.
 inline constexpr const char* kEventKind = "event";
@@ -30,6 +32,7 @@ inline constexpr const char* kSampleKind = "sample";            ///< Polled; a S
 inline constexpr const char* kDescriptionKind = "description";  ///< A device's Description.
 inline constexpr const char* kCommandKind = "command";          ///< A CommandRequest.
 inline constexpr const char* kViewKind = "view";                ///< For viewers, made from samples.
+inline constexpr const char* kMediumKind = "medium";            ///< Pictures or sound.
 
 /// The value of `key` in the channel's metadata; empty if there is none.
 [[nodiscard]] std::string value_of(const recording::Channel& channel, const char* key);

@@ -21,13 +21,16 @@ struct LiveRecordingConfig {
   std::string registry{names::kThisHost};       ///< Name service of the devices.
   Duration deadline = std::chrono::seconds{1};  ///< The deadline of calls to the hub.
   recording::RecorderConfig recorder{};
+  /// Names or URLs of cameras and microphones, which are recorded, too; see MediumRecorder. With
+  /// any, the recorder takes messages of at least kPictureByteMax.
+  std::vector<std::string> media{};
 };
 
 /// The counts of a live recording so far.
 struct LiveRecordingStatus {
   Duration time{};
   recording::RecorderStatus recorder{};
-  std::uint64_t lost_count = 0;  ///< Events that did not reach the recorder.
+  std::uint64_t lost_count = 0;  ///< Events and pictures that did not reach the recorder.
   /// Devices without a description: they are recorded, but can't be played.
   std::vector<std::string> undescribed_devices{};
 };
@@ -39,7 +42,7 @@ struct LiveRecordingStatus {
 /// @realtime set-up only, except Track::put() of a track from recorder().add_track()
 class LiveRecording {
  public:
-  /// @errors   no hub answers; the file exists, or can't be written
+  /// @errors   no hub or medium answers; the file exists, or can't be written
   [[nodiscard]] static expected<std::unique_ptr<LiveRecording>, SetupError> start(
       rpc::Node& node, const std::string& file, LiveRecordingConfig config = {});
   LiveRecording(const LiveRecording&) = delete;
