@@ -92,6 +92,26 @@ TEST_F(DeviceRecorderTest, EventsOfADeviceThatIsNamedLaterGoOnUnderItsName) {
   EXPECT_EQ(reader->channels().at(2).topic, "lab/lever/sampled");
 }
 
+TEST_F(DeviceRecorderTest, SamplesOfADescribedDeviceAreDrawn) {
+  EventRecorder events(*recorder_);
+  events.name_devices(std::vector<std::string>{"lab/lever"});
+  events.add_view("lab/lever", test::ScriptedDriver{}.descriptor);
+  const device::Sample sample;
+  events.record(event_of(sample, gvd::source_of("lab/lever")), &device::SampledEvent::kDescriptor);
+  const auto reader = closed();
+  ASSERT_NE(reader, nullptr);
+  std::map<std::string, std::string> schemas;
+  for (const auto& [number, channel] : reader->channels()) {
+    if (channel.metadata.at(kKindKey) != kViewKind) continue;
+    schemas[channel.topic] = reader->schemas().at(channel.schema_id).name;
+    EXPECT_EQ(recording::read_all(*reader, {.channel_ids = {number}}).size(), 1u) << channel.topic;
+  }
+  EXPECT_EQ(schemas,
+            (std::map<std::string, std::string>{{"lab/lever/force", "foxglove.SceneUpdate"},
+                                                {"lab/lever/pose", "foxglove.PoseInFrame"},
+                                                {"rtpm/tf", "foxglove.FrameTransforms"}}));
+}
+
 TEST_F(DeviceRecorderTest, ADescriptionIsRecordedAsItCame) {
   serve();
   DeviceRecorder devices(node_, *recorder_);
