@@ -32,7 +32,7 @@ using camerad::TestSource;
 constexpr std::uint64_t kPictureNs = 1'000'000'000 / TestSource::kPictureRateHz;
 constexpr std::uint64_t kSoundNs = 1'000'000'000 / TestSource::kSoundRateHz;
 
-/// What a recording has of a camera and of a button, by log time.
+/// A camera and a button in a recording, by log time.
 struct Recorded {
   std::vector<std::uint64_t> presses{};   ///< When the button was pressed.
   std::vector<std::uint64_t> pictures{};  ///< When each picture was captured.
