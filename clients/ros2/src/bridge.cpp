@@ -94,6 +94,7 @@ void Bridge::attend() {
   if (now < next_retry_) return;
   next_retry_ = now + kRetry;
   subscribe_to_hub();
+  report_absent_devices();
   watch_names();
 }
 
@@ -151,6 +152,20 @@ void Bridge::watch_names() {
        .on_notice = [this](std::string_view sentence) { log_.write(sentence); }});
   report_problem("registry", watch ? std::string() : watch.error().text());
   if (watch) watch_ = std::move(*watch);
+}
+
+void Bridge::report_absent_devices() {
+  if (!watch_) return;
+  for (const auto* const list : {&config_.devices, &config_.commanded}) {
+    for (const std::string& name : *list) {
+      bool is_shown = false;
+      {
+        const std::lock_guard lock(mutex_);
+        is_shown = shown_.contains(name);
+      }
+      report_problem("absent " + name, is_shown ? "" : name + " is not there; waiting for it");
+    }
+  }
 }
 
 void Bridge::note(const names::NameChange& change) {

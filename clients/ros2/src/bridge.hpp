@@ -75,6 +75,7 @@ class Bridge final : private gvd::DeviceEventHandler {
   [[nodiscard]] expected<gvd::DeviceConsumer, SetupError> consume(
       const char* name, std::initializer_list<events::EventType> types,
       events::DeliveryPolicy delivery);
+  void report_absent_devices();
   void watch_names();
   void note(const names::NameChange& change);
   void follow_names();

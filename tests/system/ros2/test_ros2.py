@@ -221,8 +221,9 @@ def test_commands_that_are_dropped(laboratory, ros):
 
 
 def test_joints_are_commanded_by_name(laboratory, ros):
-    laboratory.start_devices()
     bridge = laboratory.start_bridge("--command", "lab/knob0", "--report", "1s")
+    bridge.wait_for("lab/knob0 is not there; waiting for it")
+    laboratory.start_devices()
     states = ros.collect(JointState, f"{KNOB}/joint_states")
     publisher = ros.node.create_publisher(JointState, f"{KNOB}/command/joints", 10)
     ros.wait_until(lambda: states and publisher.get_subscription_count() == 1, "the bridge listens")
