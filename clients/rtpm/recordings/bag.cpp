@@ -323,6 +323,7 @@ void add_bag(CLI::App& program, Context& context) {
                                   &cut);
   actions.add_output(cutting);
   actions.add_selection(cutting);
+  add_export(group, context);
 }
 
 }  // namespace rtpm::tool

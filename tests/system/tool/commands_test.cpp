@@ -75,6 +75,7 @@ std::vector<Case> cases() {
       {"bag check", "RUN", "is whole", "NONE", 1, "No such file"},
       {"bag recover", "BROKEN -o NEW1", "messages", "BROKEN -o RUN", 1, "exists already"},
       {"bag cut", "RUN -o NEW1 --to 10ms", "messages", "RUN -o NEW1 --topics x", 1, "no topic 'x'"},
+      {"bag export", "DEVICES NEW1 --csv", " messages in ", "NONE NEW1 --csv", 1, "No such file"},
       {"key new", "--file NEW1 --comment alice@lab", "--role command", "--file KEY", 1,
        "there is one already"},
       {"key show", "KEY", "fingerprint ", "NONE", 1, "rtpm key new"},

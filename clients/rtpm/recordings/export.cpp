@@ -1,0 +1,112 @@
+#include <unistd.h>
+
+#include <cerrno>
+#include <memory>
+#include <string>
+
+#include "cli/command.hpp"
+#include "cli/output.hpp"
+#include "cli/progress.hpp"
+#include "recordings/commands.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/exports/export.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+struct ExportRequest {
+  std::string file{};
+  std::string output{};
+  bool is_ros2 = false;
+  bool is_csv = false;
+  bool is_parquet = false;
+};
+
+/// Debian has no library that writes Parquet files; Python has one.
+constexpr const char* kParquetProgram =
+    "import sys\n"
+    "try:\n"
+    "    from rtpm import parquet\n"
+    "except ImportError as problem:\n"
+    "    sys.exit(f'rtpm: Parquet files are written by Python, where RTPM\\'s package is missing: "
+    "'\n"
+    "             f'{problem}. Remedy: pip install rtpm pyarrow, in the environment of python3.')\n"
+    "sys.exit(parquet.main(sys.argv[1:]))\n";
+
+/// Becomes Python's converter, which reports for itself.
+int export_parquet(const Context& context, const ExportRequest& request) {
+  ::execlp("python3", "python3", "-c", kParquetProgram, request.file.c_str(),
+           request.output.c_str(), context.json ? "--json" : nullptr, nullptr);
+  return context.fail(SetupError{.what = "Parquet files are written by python3, which can't be run",
+                                 .why = system_error(errno).message(),
+                                 .remedy = "install Python, then: pip install rtpm pyarrow"});
+}
+
+int report(const Context& context, const ExportRequest& request, const exports::Report& done) {
+  if (context.json) {
+    Json left_out = Json::array();
+    for (const exports::LeftOut& each : done.left_out) {
+      left_out.push_back(
+          {{"topic", each.topic}, {"reason", each.reason}, {"message_count", each.message_count}});
+    }
+    print_json({{"output", request.output},
+                {"message_count", done.message_count},
+                {"topic_count", done.topic_count},
+                {"left_out", std::move(left_out)}});
+  } else {
+    print_line(printable(request.output) + " has " + std::to_string(done.message_count) +
+               " messages in " + std::to_string(done.topic_count) +
+               (request.is_csv ? " files" : " topics"));
+    for (const exports::LeftOut& each : done.left_out) {
+      print_line(printable(each.topic) + ": " + std::to_string(each.message_count) +
+                 " messages were left out: " + printable(each.reason));
+    }
+  }
+  return done.left_out.empty() ? kDone : kFailed;
+}
+
+int run(Context& context, const ExportRequest& request) {
+  if (request.is_parquet) return export_parquet(context, request);
+  expected<exports::Report, SetupError> done{};
+  {
+    ProgressBar bar(context, "exporting");
+    const auto show = [&bar](auto part, auto whole) { return bar.show(part, whole); };
+    const auto reader =
+        recording::FileReader::open(request.file, recording::Incomplete::kRefuse, show);
+    if (!reader) {
+      done = unexpected{reader.error()};
+    } else if (request.is_csv) {
+      done = exports::export_csv(**reader, request.output, show);
+    } else {
+      done = exports::export_ros2(**reader, request.output, show);
+    }
+  }
+  return done ? report(context, request, *done) : context.fail(done.error());
+}
+
+}  // namespace
+
+void add_export(CLI::App& group, Context& context) {
+  const auto request = std::make_shared<ExportRequest>();
+  CLI::App& command = add_command(
+      group, context, "export", "Convert a recording for ROS 2, or to tables",
+      "  rtpm bag export run.mcap run_ros2.mcap --ros2\n"
+      "  rtpm bag export run.mcap tables --csv\n"
+      "--ros2 writes a recording that 'ros2 bag play' and viewers of ROS 2 read: a device's pose,\n"
+      "twist, applied_wrench, joint_states, joy, imu/data below /rtpm/DEVICE, /diagnostics, and "
+      "all\n"
+      "other topics as JSON in std_msgs/String. The exit code is 1 if something was left out.\n",
+      [request](Context& c) { return run(c, *request); });
+  command.add_option("FILE", request->file, "The recording")->required()->type_name("");
+  command.add_option("OUT", request->output, "The new file, or the folder of tables")
+      ->required()
+      ->type_name("");
+  CLI::Option_group& formats = *command.add_option_group("format");
+  formats.add_flag("--ros2", request->is_ros2, "Write an MCAP file of ROS 2's standard messages");
+  formats.add_flag("--csv", request->is_csv, "Write a CSV file for each channel");
+  formats.add_flag("--parquet", request->is_parquet,
+                   "Write a Parquet file for each channel, by RTPM's Python package");
+  formats.require_option(1);
+}
+
+}  // namespace rtpm::tool
