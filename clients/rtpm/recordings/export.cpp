@@ -23,15 +23,15 @@ struct ExportRequest {
 };
 
 /// Debian has no library that writes Parquet files; Python has one.
-constexpr const char* kParquetProgram =
-    "import sys\n"
-    "try:\n"
-    "    from rtpm import parquet\n"
-    "except ImportError as problem:\n"
-    "    sys.exit(f'rtpm: Parquet files are written by Python, where RTPM\\'s package is missing: "
-    "'\n"
-    "             f'{problem}. Remedy: pip install rtpm pyarrow, in the environment of python3.')\n"
-    "sys.exit(parquet.main(sys.argv[1:]))\n";
+constexpr const char* kParquetProgram = R"(
+import sys
+try:
+    from rtpm import parquet
+except ImportError as problem:
+    sys.exit(f"rtpm: Parquet files are written by RTPM's Python package: {problem}. "
+             "Remedy: pip install 'rtpm[parquet]', in the environment of python3.")
+sys.exit(parquet.main(sys.argv[1:]))
+)";
 
 /// Becomes Python's converter, which reports for itself.
 int export_parquet(const Context& context, const ExportRequest& request) {
@@ -39,7 +39,7 @@ int export_parquet(const Context& context, const ExportRequest& request) {
            request.output.c_str(), context.json ? "--json" : nullptr, nullptr);
   return context.fail(SetupError{.what = "Parquet files are written by python3, which can't be run",
                                  .why = system_error(errno).message(),
-                                 .remedy = "install Python, then: pip install rtpm pyarrow"});
+                                 .remedy = "install Python, then: pip install 'rtpm[parquet]'"});
 }
 
 int report(const Context& context, const ExportRequest& request, const exports::Report& done) {

@@ -24,8 +24,8 @@ struct Column {
   std::vector<std::uint16_t> slots{};
   std::size_t offset = 0;                ///< In the struct of the last slot, in bytes.
   bool is_in_struct = false;             ///< Else the last slot is the value's own.
-  schema::Type type{};                   ///< Of an array's element, the element's.
-  const schema::Field* field = nullptr;  ///< Of the value, in a table; refers to the model.
+  schema::Type type{};                   ///< An array has its element's.
+  const schema::Field* field = nullptr;  ///< The value's, in a table; refers to the model.
 };
 
 /// The columns of a table: fields of tables and structs, and elements of arrays, have their own. A
