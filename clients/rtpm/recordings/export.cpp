@@ -66,6 +66,8 @@ int report(const Context& context, const ExportRequest& request, const exports::
 }
 
 int run(Context& context, const ExportRequest& request) {
+  if (int{request.is_ros2} + int{request.is_csv} + int{request.is_parquet} != 1)
+    return context.fail("one of --ros2, --csv and --parquet is required", kMisused);
   if (request.is_parquet) return export_parquet(context, request);
   expected<exports::Report, SetupError> done{};
   {
@@ -101,12 +103,10 @@ void add_export(CLI::App& group, Context& context) {
   command.add_option("OUT", request->output, "The new file, or the folder of tables")
       ->required()
       ->type_name("");
-  CLI::Option_group& formats = *command.add_option_group("format");
-  formats.add_flag("--ros2", request->is_ros2, "Write an MCAP file of ROS 2's standard messages");
-  formats.add_flag("--csv", request->is_csv, "Write a CSV file for each channel");
-  formats.add_flag("--parquet", request->is_parquet,
+  command.add_flag("--ros2", request->is_ros2, "Write an MCAP file of ROS 2's standard messages");
+  command.add_flag("--csv", request->is_csv, "Write a CSV file for each channel");
+  command.add_flag("--parquet", request->is_parquet,
                    "Write a Parquet file for each channel, by RTPM's Python package");
-  formats.require_option(1);
 }
 
 }  // namespace rtpm::tool

@@ -1,41 +1,18 @@
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "peer.hpp"
 #include "rtpm/recording/file_reader.hpp"
 #include "rtpm/recording/file_writer.hpp"
 #include "rtpm/recording/repair.hpp"
-#include "rtpm/test/process.hpp"
 
 /// Recordings beside another implementation of MCAP, @mcap/core from npm.
 namespace rtpm::recording {
 namespace {
 
 using nlohmann::json;
-
-constexpr Duration kPatience = std::chrono::minutes{2};
-
-test::Process::End run_shell(const std::string& command) {
-  const auto end = test::Process({"/bin/sh", "-c", command}).wait(kPatience);
-  EXPECT_TRUE(end) << command;
-  return end.value_or(test::Process::End{});
-}
-
-/// Installs the peer in the build folder, once; returns whether it is installed.
-bool install_peer() {
-  const std::string folder = RTPM_PEER;
-  // The installation is completed in this process's own folder, because tests run at the same time.
-  const std::string own = folder + "." + std::to_string(::getpid());
-  if (!std::filesystem::exists(folder)) {
-    static_cast<void>(run_shell("cp -r '" RTPM_PEER_SOURCE "' '" + own + "' && cd '" + own +
-                                "' && npm install --silent --no-audit --no-fund && mv -T '" + own +
-                                "' '" + folder + "'"));
-    std::filesystem::remove_all(own);
-  }
-  return std::filesystem::exists(folder);
-}
 
 class McapPeer : public testing::Test {
  protected:
@@ -46,11 +23,6 @@ class McapPeer : public testing::Test {
     std::filesystem::remove(file_);
   }
   void TearDown() override { std::filesystem::remove(file_); }
-  [[nodiscard]] static json run_peer(const std::string& words) {
-    const auto end = run_shell("cd '" RTPM_PEER "' && node " + words);
-    EXPECT_EQ(end.exit_code, 0) << end.errors;
-    return end.output.empty() ? json() : json::parse(end.output);
-  }
   void write_own(Compression compression);
 
   std::string file_;

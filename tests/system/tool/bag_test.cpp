@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -143,6 +144,27 @@ TEST_F(Ping, FailsForADeadServer) {
   expect_one_sentence(run_program("rtpm", {"ping", "rtpm://127.0.0.1:1/x"}), 3, {"no server"});
   expect_one_sentence(run_program("rtpm", {"ping", device_->url, "--interval", "1ns"}), 2,
                       {"100us to 1h"});
+}
+
+TEST_F(Bag, ExportSaysWhatItLeavesOut) {
+  const std::string tables = folder_.fresh("tables");
+  const auto end = bag({"export", file_, tables, "--csv"});
+  EXPECT_EQ(end.exit_code, 1);
+  expect_text(end.output, {tables + " has 50 messages in 1 files\n",
+                           "lab/touched: 50 messages were left out: its schema can't be read"});
+  const Json json = json_of({"export", file_, folder_.fresh("ros2"), "--ros2"}, 1);
+  EXPECT_EQ(json["message_count"], 50);
+  EXPECT_EQ(json["left_out"][0]["topic"], "lab/touched");
+  EXPECT_EQ(json["left_out"][0]["message_count"], 50);
+}
+
+TEST_F(Bag, ExportRefusesBadInput) {
+  const std::string other = folder_.fresh("other");
+  expect_one_sentence(bag({"export", file_, other}), 2, {"--ros2, --csv and --parquet"});
+  expect_one_sentence(bag({"export", file_, other, "--csv", "--ros2"}), 2, {"one of --ros2"});
+  expect_one_sentence(bag({"export", truncated(), other, "--csv"}), 1, {"recover"});
+  expect_one_sentence(bag({"export", file_, file_, "--ros2"}), 1, {"exists already", "Remedy"});
+  EXPECT_FALSE(std::filesystem::exists(other));
 }
 
 }  // namespace

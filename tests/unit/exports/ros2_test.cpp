@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
 #include "example_recording.hpp"
@@ -98,6 +99,39 @@ TEST_F(Ros2, HasOtherEventsAsJson) {
             R"("late":2})");
   EXPECT_EQ(messages<ros2::String>("/rtpm/annotations").at(0).data, R"({"text":"x"})");
   EXPECT_EQ(result_->read_metadata()->at(0).values.at("uncertainty_ns"), "250");
+}
+
+TEST_F(Ros2, HasPicturesAsCompressedImages) {
+  test::Example example(file_);
+  std::string error;
+  const auto dynamic = schema::Dynamic::make(R"(namespace foxglove;
+    struct Time { sec:uint; nsec:uint; }
+    table CompressedVideo { timestamp:Time; frame_id:string; data:[ubyte]; format:string; })",
+                                             error);
+  ASSERT_NE(dynamic, nullptr) << error;
+  const auto& objects = dynamic->model().objects;
+  const auto table = std::ranges::find(objects, "foxglove.CompressedVideo", &schema::Object::name);
+  ASSERT_NE(table, objects.end());
+  const schema::Payload payload{.kind = schema::PayloadKind::kTable,
+                                .table = static_cast<std::size_t>(table - objects.begin())};
+  const auto frame =
+      dynamic->encode(payload, R"({"frame_id":"cam","data":[0,0,1,200],"format":"h264"})", error);
+  ASSERT_TRUE(frame) << error;
+  const std::uint16_t video =
+      example.add(*dynamic, "foxglove.CompressedVideo", "lab/cam0/video", {});
+  example.put(video, *frame);
+  example.put(video, recording::bytes_of("broken"));
+  example.end();
+  const auto report = exported();
+  ASSERT_TRUE(report) << report.error().text();
+  ASSERT_EQ(report->left_out.size(), 1u);
+  EXPECT_EQ(report->left_out[0].message_count, 1u);
+  const auto images = messages<ros2::CompressedImage>("/rtpm/lab/cam0/video");
+  ASSERT_EQ(images.size(), 1u);
+  EXPECT_EQ(images[0].header.frame_id, "cam");
+  EXPECT_EQ(images[0].header.stamp.sec, 1'700'000'000);
+  EXPECT_EQ(images[0].format, "h264");
+  EXPECT_EQ(images[0].data, (std::vector<std::uint8_t>{0, 0, 1, 200}));
 }
 
 TEST_F(Ros2, LeavesOutATopicWithAnothersName) {

@@ -37,11 +37,17 @@ struct Samples {
   driver::Lifecycle lifecycle = driver::Lifecycle::kUnconfigured;
 };
 
-/// Any other channel: JSON in a text.
+/// Any other channel: JSON in a text, or pictures.
 struct Texts {
   std::uint16_t topic = 0;
   std::unique_ptr<Rows> rows{};  ///< nullptr: the messages are JSON.
+  bool is_picture = false;
 };
+
+/// The messages of Foxglove with a compressed picture.
+bool is_picture(const std::string& type) {
+  return type == "foxglove.CompressedVideo" || type == "foxglove.CompressedImage";
+}
 
 class Ros2Export {
  public:
@@ -123,13 +129,16 @@ class Ros2Export {
       auto rows = Rows::make(schema->second);
       if (!rows) return rows.error();
       texts.rows = std::move(*rows);
+      texts.is_picture = is_picture(schema->second.name);
     }
     const std::string name = "/rtpm/" + ros2::ros_name(channel.topic);
     if (name.size() > ros2::kTopicSizeMax) return "its name is too long for ROS 2";
     const bool is_state =
         capture::value_of(channel, capture::kKindKey) == capture::kDescriptionKind;
-    const auto topic = topics_.add<ros2::String>(
-        name, channel.topic, is_state ? Durability::kTransientLocal : Durability::kVolatile);
+    const Durability durability = is_state ? Durability::kTransientLocal : Durability::kVolatile;
+    const auto topic = texts.is_picture
+                           ? topics_.add<ros2::CompressedImage>(name, channel.topic, durability)
+                           : topics_.add<ros2::String>(name, channel.topic, durability);
     if (!topic) return topic.error();
     texts.topic = *topic;
     texts_.emplace(number, std::move(texts));
@@ -163,6 +172,7 @@ class Ros2Export {
       return {};
     }
     Texts& texts = texts_.at(message.channel_id);
+    if (texts.is_picture) return write_picture(texts, topic, message);
     ros2::String text;
     if (texts.rows == nullptr) {
       text.data.assign(reinterpret_cast<const char*>(message.data.data()), message.data.size());
@@ -172,6 +182,22 @@ class Ros2Export {
     }
     ++message_count_;
     return topics_.write(texts.topic, text, message);
+  }
+
+  expected<void, SetupError> write_picture(Texts& texts, const std::string& topic,
+                                           const recording::Message& message) {
+    const std::string data = texts.rows->read_bytes(message.data, "data");
+    if (data.empty()) {
+      left_out_.add(topic, kBrokenMessage, 1);
+      return {};
+    }
+    const ros2::CompressedImage image{
+        .header = {.stamp = ros2::time_of(static_cast<std::int64_t>(message.publish_time_ns)),
+                   .frame_id = texts.rows->read_bytes(message.data, "frame_id")},
+        .format = texts.rows->read_bytes(message.data, "format"),
+        .data = {data.begin(), data.end()}};
+    ++message_count_;
+    return topics_.write(texts.topic, image, message);
   }
 
   expected<void, SetupError> write_sample(Samples& samples, const driver::Sample& sample,

@@ -276,6 +276,18 @@ bool Rows::read(ConstBytes message, std::vector<std::string>& cells) {
   return true;
 }
 
+std::string Rows::read_bytes(ConstBytes message, std::string_view column) {
+  const auto named = std::ranges::find(columns_, column, &Column::name);
+  if (named == columns_.end()) return {};
+  const bool is_bytes = named->kind == Column::Kind::kText ||
+                        (named->type.base == BaseType::kVector && !named->type.index &&
+                         named->type.element == BaseType::kUint8);
+  const auto table = dynamic_->as_table(payload_, message);
+  if (!is_bytes || !table) return {};
+  const Found found = find(*named, follow(table->data()));
+  return found.at == nullptr ? std::string() : std::string(text_at(found.at));
+}
+
 bool Rows::read_json(ConstBytes message, std::string& json) {
   const auto table = dynamic_->as_table(payload_, message);
   if (!table) return false;

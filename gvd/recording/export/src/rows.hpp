@@ -31,6 +31,9 @@ class Rows {
   /// Replaces `json` by the message; numbers are exact, bytes are base64, NaN is null.
   /// @return   whether it matches the schema and has less than 64 MiB of text
   [[nodiscard]] bool read_json(ConstBytes message, std::string& json);
+  /// The content of a text, or of a vector of bytes; empty if it is absent, or the message or the
+  /// column is none.
+  [[nodiscard]] std::string read_bytes(ConstBytes message, std::string_view column);
 
  private:
   Rows(std::unique_ptr<schema::Dynamic> dynamic, schema::Payload payload,
