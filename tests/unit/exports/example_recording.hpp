@@ -75,9 +75,8 @@ class Example {
 
   std::uint16_t add(const schema::Dynamic& dynamic, const std::string& type,
                     const std::string& topic, std::map<std::string, std::string> metadata) {
-    const auto bytes = dynamic.reflection();
     const auto schema = writer_->add_schema(
-        {.name = type, .encoding = "flatbuffer", .data = {bytes.begin(), bytes.end()}});
+        {.name = type, .encoding = "flatbuffer", .data = dynamic.flat_reflection(type)});
     EXPECT_TRUE(schema);
     return add({.schema_id = *schema,
                 .topic = topic,

@@ -23,7 +23,7 @@ std::uint64_t count_of(const recording::FileReader& reader, std::uint16_t channe
 }
 
 bool is_view(const recording::Channel& channel) {
-  return capture::value_of(channel, capture::kKindKey) == "view";
+  return capture::value_of(channel, capture::kKindKey) == capture::kViewKind;
 }
 
 }  // namespace rtpm::exports
