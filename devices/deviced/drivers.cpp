@@ -10,6 +10,7 @@
 #include "rtpm/device_sim/knob_driver.hpp"
 #include "rtpm/device_sim/player_driver.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
+#include "rtpm/device_sim/stimulus_driver.hpp"
 #include "rtpm/driver_host/plugin.hpp"
 
 /// Initializes `make` and `probe` of a DriverInfo for a driver whose namespace has open() and
@@ -97,6 +98,8 @@ constexpr std::array kDrivers{
                nullptr, ""},
     DriverInfo{"player", "simulated: a media player", &make_twin<device_sim::PlayerDriver>, nullptr,
                ""},
+    DriverInfo{"stimulus", "simulated: a lamp, a loudspeaker and a hammer, with their sensors",
+               &make_twin<device_sim::StimulusDriver>, nullptr, ""},
     DriverInfo{"mpv", "the media player mpv", &make_mpv, nullptr, ""},
     DriverInfo{"evdev", "input devices of Linux, with force feedback", RTPM_EVDEV, "libevdev-dev"},
     DriverInfo{"falcon", "Novint Falcon", RTPM_FALCON, "libusb-1.0-0-dev"},

@@ -160,6 +160,7 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_estop(*program, context);
   add_flight_record(*program, context);
   add_lanes(*program, context);
+  add_clocks(*program, context);
   add_top(*program, context);
   add_doctor(*program, context);
   add_key(*program, context);

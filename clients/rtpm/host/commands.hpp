@@ -8,6 +8,7 @@
 namespace rtpm::tool {
 
 void add_lanes(CLI::App& program, Context& context);
+void add_clocks(CLI::App& program, Context& context);
 void add_top(CLI::App& program, Context& context);
 void add_doctor(CLI::App& program, Context& context);
 

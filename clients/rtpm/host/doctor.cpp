@@ -9,6 +9,7 @@
 #include "host/discovery.hpp"
 #include "host/finding_text.hpp"
 #include "host/keys.hpp"
+#include "host/latency.hpp"
 #include "host/network.hpp"
 #include "host/peers.hpp"
 #include "host/wake_up.hpp"
@@ -27,6 +28,7 @@ struct DoctorRequest {
   bool shows_all = false;
   bool fixes = false;
   bool is_dry = false;
+  std::string latency_device{};  ///< If set, only its latency is measured.
   Duration time = std::chrono::seconds{2};
 };
 
@@ -114,10 +116,22 @@ void add_doctor(CLI::App& program, Context& context) {
       "and the remedy, the worst first; then measures how late a thread wakes, and judges that.\n"
       "--fix sets what is safe and can be taken back: socket buffers, CPU governor, huge pages,\n"
       "until the host starts anew. The exit code is 1 if there is a problem, or --fix could not\n"
-      "set something; warnings and notes leave it 0.\n",
-      [request](Context& c) { return doctor(c, *request); });
+      "set something; warnings and notes leave it 0.\n"
+      "--latency sets each output of a device 15 times, waits for the device's sensor that "
+      "follows,\n"
+      "such as a photodiode before a lamp or a screen, and says how long that takes. Recordings "
+      "by\n"
+      "`rtpm record` on this host then have the figures.\n",
+      [request](Context& c) {
+        if (!request->latency_device.empty()) return measure_latency(c, request->latency_device);
+        return doctor(c, *request);
+      });
   command.add_flag("--quick", request->is_quick, "Measure nothing");
   command.add_flag("--all", request->shows_all, "Show what is good in a line each");
+  command
+      .add_option("--latency", request->latency_device,
+                  "Only measure how long a stimulus of this device takes to its sample")
+      ->type_name("DEVICE");
   CLI::Option* const fix = command.add_flag("--fix", request->fixes,
                                             "Set what is safe and can be taken back; needs root");
   command.add_flag("--dry-run", request->is_dry, "With --fix: only print what it would set")

@@ -11,6 +11,7 @@
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
+#include "cli/kept_folder.hpp"
 #include "laboratory/commands.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/rt/log.hpp"
@@ -41,21 +42,6 @@ bool is_free(std::uint16_t port) {
                             .sin_zero = {}};
   const auto* const at = reinterpret_cast<const sockaddr*>(&address);
   return ::bind(socket.number(), at, sizeof address) == 0 && ::listen(socket.number(), 1) == 0;
-}
-
-/// The user's folder for persistent files, $XDG_STATE_HOME/rtpm; empty if it can't be created.
-std::string kept_folder() {
-  const auto path_in = [](const char* variable) {
-    const char* const path = std::getenv(variable);
-    return path != nullptr && *path == '/' ? std::string(path) : std::string();
-  };
-  const std::string state = path_in("XDG_STATE_HOME");
-  const std::string home = path_in("HOME");
-  if (state.empty() && home.empty()) return {};
-  const std::string folder = (state.empty() ? home + "/.local/state" : state) + "/rtpm";
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  return error ? std::string() : folder;
 }
 
 int demo(Context& context, const DemoRequest& request) {

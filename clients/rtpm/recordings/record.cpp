@@ -12,10 +12,12 @@
 #include "cli/output.hpp"
 #include "cli/progress.hpp"
 #include "events/subscription.hpp"
+#include "host/latency.hpp"
 #include "objects/unbound.hpp"
 #include "recordings/commands.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/capture/call_recorder.hpp"
+#include "rtpm/capture/clock_survey.hpp"
 #include "rtpm/capture/device_recorder.hpp"
 #include "rtpm/capture/hub_recorder.hpp"
 #include "rtpm/capture/medium_recorder.hpp"
@@ -75,6 +77,12 @@ class Sources {
     }
     return open_hub(std::move(*types));
   }
+  /// Writes the offsets of the sources' clocks into the file.
+  /// @param when  "begin" or "end"
+  void write_clocks(std::string_view when) {
+    clocks_.measure();
+    static_cast<void>(recorder_.write(capture::clock_metadata(clocks_, recorder_, when)));
+  }
   /// Does the sources' periodic work and reports problems. Call it periodically.
   void attend() {
     if (hub_) hub_->attend();
@@ -119,6 +127,7 @@ class Sources {
     for (const std::string& target : request_.calls) {
       const auto url = names::url_of(context_.node(), context_.registry, target);
       if (!url) return context_.not_reached(url.error());
+      clocks_.add(target, *url);
       const auto parts = wire::parse_url(*url);
       if (!parts) return context_.fail("'" + *url + "' is no URL", kMisused);
       urls[parts->authority()].push_back(*url);
@@ -138,6 +147,7 @@ class Sources {
         return context_.not_reached(
             named(name, with_similar_names(context_, name, polled.error())));
       }
+      add_clock(name);
     }
     return kDone;
   }
@@ -164,8 +174,15 @@ class Sources {
                                              .priority = context_.priority.value_or(Priority{})});
     if (!hub) return context_.fail(hub.error());
     hub_ = std::move(*hub);
+    add_clock(request_.hub);
+    static_cast<void>(clocks_.add_devices(context_.registry));  // The hub recorder reports it.
     report();
     return kDone;
+  }
+  void add_clock(const std::string& name) {
+    if (const auto url = names::url_of(context_.node(), context_.registry, name)) {
+      clocks_.add(name, *url);
+    }
   }
   void report() {
     const auto reports = hub_ ? hub_->take_reports() : std::vector<std::string>{};
@@ -191,6 +208,7 @@ class Sources {
   std::vector<std::unique_ptr<capture::MediumRecorder>> media_{};
   std::unique_ptr<capture::HubRecorder> hub_{};
   std::set<std::string> failed_{};  ///< Devices for which a failed poll was reported.
+  capture::ClockSurvey clocks_{context_.node()};
 };
 
 recording::RecorderConfig config_of(const RecordRequest& request) {
@@ -273,7 +291,12 @@ int record(Context& context, RecordRequest& request) {
     return exit_code;
   }
   const MonotonicTime begin = rt::now();
+  sources.write_clocks("begin");
+  if (const recording::Metadata latency = kept_latency(); !latency.values.empty()) {
+    static_cast<void>((*recorder)->write(latency));
+  }
   const int exit_code = wait_for_end(context, request, **recorder, sources, begin);
+  sources.write_clocks("end");
   sources.end();
   const auto closed = (*recorder)->close();
   if (!closed) return context.fail(closed.error());
@@ -323,7 +346,8 @@ void add_record(CLI::App& program, Context& context) {
       "lab/cam0/video and lab/cam0/sound. Ctrl-C ends it; one that was killed is saved by `rtpm "
       "bag recover`. "
       "What\n"
-      "was dropped is counted, shown, and written into the file.\n",
+      "was dropped is counted, shown, and written into the file, as are the offsets of all "
+      "clocks.\n",
       [request](Context& c) { return record(c, *request); });
   command.add_option("FILE", request->file, "The new file; without: rtpm-DATE-TIME.mcap")
       ->type_name("");

@@ -15,6 +15,7 @@
 #include "rtpm/device_sim/knob_driver.hpp"
 #include "rtpm/device_sim/player_driver.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
+#include "rtpm/device_sim/stimulus_driver.hpp"
 #include "scripted_player.hpp"
 
 namespace rtpm::test {
@@ -47,6 +48,8 @@ std::vector<DriverUnderTest>& drivers() {
       {"Knob", [] { return std::make_unique<device_sim::KnobDriver>(device_sim::TwinConfig{}); }},
       {"Player",
        [] { return std::make_unique<device_sim::PlayerDriver>(device_sim::TwinConfig{}); }},
+      {"Stimulus",
+       [] { return std::make_unique<device_sim::StimulusDriver>(device_sim::TwinConfig{}); }},
       {"Mpv",
        [] {
          return std::make_unique<device_mpv::MpvDriver>(

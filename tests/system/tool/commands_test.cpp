@@ -106,6 +106,8 @@ std::vector<Case> cases() {
       {"flight-record", "lab/arm0", "# fault 1: emergency stop", "lab/arm1", 3,
        "most like it: lab/arm0"},
       {"lanes", "", "PROCESS", "always", 2, "unexpected argument 'always'"},
+      {"clocks", "lab/arm0 --for 10ms", "rtpm://127.0.0.1:", "lab/arm1", 3,
+       "most like it: lab/arm0"},
       {"top", "--once --interval 100ms", "CALLS/S", "--interval 1ms", 2, "100ms to 10min"},
       {"doctor", "--quick", "good", "--dry-run", 2, "--fix"},
       {"version", "lab/arm0", "rtpm ", "lab/arm1", 3, "most like it: lab/arm0"},

@@ -2,8 +2,10 @@
 #include <signal.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "../../unit/recording/recorded.hpp"
@@ -55,6 +57,48 @@ TEST_F(Host, IsJudgedInJson) {
     EXPECT_EQ(finding["fixed"], false) << finding;
   }
   EXPECT_FALSE(json_of({"doctor", "--quick"}).contains("wake_ups"));
+}
+
+TEST_F(Host, MeasuresStimuliAndRecordsTheFigures) {
+  const auto board = start_server("rtpm-deviced", {"--devices", "stimulus0", "--serve-events"});
+  ASSERT_TRUE(board);
+  const auto measured = rtpm({"doctor", "--latency", "lab/stimulus0", "--json"});
+  ASSERT_EQ(measured.exit_code, 0) << measured.errors;
+  const Json json = Json::parse(measured.output, nullptr, false);
+  const auto loops = json["loops"];
+  ASSERT_EQ(loops.size(), 3u) << json;
+  const double error_ms = json["clock_uncertainty_ms"].get<double>() + 1;
+  const std::vector<std::pair<std::string, double>> expected{
+      {"photodiode", 12}, {"microphone", 5}, {"key", 2}};
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    EXPECT_EQ(loops[i]["sensor"], expected[i].first) << json;
+    EXPECT_GT(loops[i]["count"], 7) << json;
+    // The sensor follows after its delay, never before.
+    EXPECT_GE(loops[i]["to_sample_ms"]["min"], expected[i].second - error_ms) << json;
+    EXPECT_LE(loops[i]["to_sample_ms"]["min"], loops[i]["to_reader_ms"]["min"]) << json;
+  }
+  expect_text(rtpm({"doctor", "--latency", "lab/stimulus0"}).output,
+              {"flash", "photodiode", "TO SAMPLE MS"});
+  const recording::Folder folder;
+  const std::string file = folder.fresh("run");
+  EXPECT_EQ(rtpm({"record", file, "--for", "100ms"}).exit_code, 0);
+  expect_text(rtpm({"bag", "info", file}).output,
+              {"rtpm.clocks", "measured = begin", "measured = end", "lab/stimulus0/offset_ns",
+               "rtpm/events/uncertainty_ns", "rtpm.latency", "lab/stimulus0/flash = photodiode"});
+  expect_one_sentence(rtpm({"doctor", "--latency", "lab/arm0"}), 1, {"has no outputs"});
+}
+
+TEST_F(Host, ComparesClocks) {
+  const Json json = json_of({"clocks", "--for", "20ms"});
+  ASSERT_EQ(json["clocks"].size(), 1u) << json;
+  EXPECT_GE(json["clocks"][0]["uncertainty_us"], 0);  // 0 by shared memory: one clock.
+  EXPECT_LE(std::abs(json["clocks"][0]["offset_us"].get<double>()),
+            json["clocks"][0]["uncertainty_us"].get<double>());
+  ASSERT_EQ(rtpm({"bind", "lab/ghost", "rtpm://127.0.0.1:1/x", "--interface", "lab.X"}).exit_code,
+            0);
+  const auto end = rtpm({"clocks", "--for", "20ms"});
+  EXPECT_EQ(end.exit_code, 1) << end.output;
+  expect_text(end.output, {"rtpm://127.0.0.1:1", "unknown"});
 }
 
 TEST_F(Host, IsUnchangedByADryFix) {

@@ -73,6 +73,29 @@ TEST_F(LiveRecordingTest, HasTheTrialsOfAnExperiment) {
   EXPECT_EQ(read[2].duration_ns, 2'000'000'000u);
 }
 
+TEST_F(LiveRecordingTest, HasTheOffsetsOfTheClocks) {
+  ASSERT_TRUE(
+      test::await([&] { return recording_->status().time > std::chrono::milliseconds{1}; }));
+  const auto reader = stopped();
+  ASSERT_NE(reader, nullptr);
+  const auto metadata = reader->read_metadata();
+  ASSERT_TRUE(metadata);
+  std::vector<std::string> times;
+  for (const recording::Metadata& one : *metadata) {
+    if (one.name != "rtpm.clocks") continue;
+    times.push_back(one.values.at("measured"));
+    // The hub is in this program: one clock.
+    const std::int64_t uncertainty_ns = std::stoll(one.values.at(hub_->url() + "/uncertainty_ns"));
+    EXPECT_GE(uncertainty_ns, 0);
+    EXPECT_LE(std::abs(std::stoll(one.values.at(hub_->url() + "/offset_ns"))), uncertainty_ns);
+    const std::int64_t to_utc_ns = std::stoll(one.values.at("log_time_minus_monotonic_ns"));
+    EXPECT_NEAR(static_cast<double>(to_utc_ns),
+                static_cast<double>(rt::utc_ns(rt::now())) - static_cast<double>(to_ns(rt::now())),
+                5e9);
+  }
+  EXPECT_EQ(times, (std::vector<std::string>{"begin", "end"}));
+}
+
 TEST_F(LiveRecordingTest, HasTheEventsOfLaterSuppliersByType) {
   auto supplier = device::StopAllRequestedSupplier::create(hub_->hub(), 3);
   ASSERT_TRUE(supplier) << supplier.error().text();

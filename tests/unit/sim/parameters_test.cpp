@@ -12,6 +12,7 @@
 #include "rtpm/device_sim/knob_driver.hpp"
 #include "rtpm/device_sim/player_driver.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
+#include "rtpm/device_sim/stimulus_driver.hpp"
 
 /// The parameters of the simulated devices.
 namespace rtpm::device_sim {
@@ -34,6 +35,7 @@ std::vector<std::unique_ptr<driver::Driver>> all() {
   drivers.push_back(std::make_unique<BiometricDriver>(TwinConfig{}));
   drivers.push_back(std::make_unique<KnobDriver>(TwinConfig{}));
   drivers.push_back(std::make_unique<PlayerDriver>(TwinConfig{}));
+  drivers.push_back(std::make_unique<StimulusDriver>(TwinConfig{}));
   return drivers;
 }
 

@@ -8,6 +8,7 @@
 #include "rtpm/device_sim/gaze_driver.hpp"
 #include "rtpm/device_sim/knob_driver.hpp"
 #include "rtpm/device_sim/player_driver.hpp"
+#include "rtpm/device_sim/stimulus_driver.hpp"
 
 /// The simulated devices other than the arm, on a simulated time line.
 namespace rtpm::device_sim {
@@ -92,6 +93,20 @@ TEST(PlayerDriver, PlaysPausesSeeksAndStopsAtItsEnd) {
   player.run(100, driver::Setpoint::with_outputs({4, -1}));
   EXPECT_FLOAT_EQ(player.sample.analogs[0], PlayerDriver::kLengthSeconds);
   EXPECT_EQ(player.sample.analogs[1], 0) << "at the end it stands";
+}
+
+TEST(StimulusDriver, SensesEachStimulusAfterItsDelay) {
+  Played<StimulusDriver> board;
+  board.run(12, driver::Setpoint::with_outputs({1, 1, 1}));
+  EXPECT_EQ(board.sample.outputs_applied[0], 1);
+  EXPECT_EQ(board.sample.analogs[0], 0) << "the flash takes 12 ms";
+  EXPECT_EQ(board.sample.analogs[1], 1);
+  EXPECT_EQ(board.sample.button_edges[0], 1);
+  board.run(1, driver::Setpoint::with_outputs({1, 1, 1}));
+  EXPECT_EQ(board.sample.analogs[0], 1);
+  board.run(20);
+  EXPECT_EQ(board.sample.analogs[0], 0) << "all is off without a command";
+  EXPECT_EQ(board.sample.button_edges[0], 2);
 }
 
 TEST(BiometricDriver, GivesTheSameForTheSameSeed) {

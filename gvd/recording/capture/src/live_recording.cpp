@@ -6,9 +6,11 @@
 #include <utility>
 
 #include "rtpm/capture/channels.hpp"
+#include "rtpm/capture/clock_survey.hpp"
 #include "rtpm/capture/hub_recorder.hpp"
 #include "rtpm/capture/medium_recorder.hpp"
 #include "rtpm/events/hub_types.hpp"
+#include "rtpm/names/directory.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/semaphore.hpp"
@@ -53,8 +55,9 @@ expected<std::uint16_t, SetupError> add_annotations(recording::Recorder& recorde
 }  // namespace
 
 struct LiveRecording::Impl {
-  Impl(std::unique_ptr<recording::Recorder> opened, std::uint16_t channel)
-      : recorder(std::move(opened)),
+  Impl(rpc::Node& node, std::unique_ptr<recording::Recorder> opened, std::uint16_t channel)
+      : clocks(node),
+        recorder(std::move(opened)),
         annotations(recorder->add_track()),
         annotation_channel(channel) {}
   Impl(const Impl&) = delete;
@@ -73,6 +76,7 @@ struct LiveRecording::Impl {
       if (!medium) return setup_error(name, std::move(medium.error()));
       media.push_back(std::move(*medium));
     }
+    add_clocks(node, config);
     auto begun = rt::Thread::start({.name = "rtpm-record", .realtime = rt::RealtimeMode::kOff},
                                    [this] { run(); });
     if (!begun) return unexpected{begun.error()};
@@ -81,8 +85,21 @@ struct LiveRecording::Impl {
   }
 
   void run() {
+    write_clocks("begin");
     while (!ending.wait_until(rt::now() + kPeriod))
       hub->attend();
+    write_clocks("end");
+  }
+
+  void add_clocks(rpc::Node& node, const LiveRecordingConfig& config) {
+    if (const auto url = names::url_of(node, config.registry, config.hub)) {
+      clocks.add(config.hub, *url);
+    }
+    static_cast<void>(clocks.add_devices(config.registry));  // HubRecorder reports it.
+  }
+  void write_clocks(std::string_view when) {
+    clocks.measure();
+    static_cast<void>(recorder->write(clock_metadata(clocks, *recorder, when)));
   }
 
   bool annotate(std::string_view text) {
@@ -108,6 +125,7 @@ struct LiveRecording::Impl {
   }
 
   MonotonicTime begin = rt::now();
+  ClockSurvey clocks;
   std::unique_ptr<recording::Recorder> recorder;
   rt::PiMutex mutex{};
   recording::Recorder::Track& annotations;  ///< Guarded by `mutex`.
@@ -133,7 +151,7 @@ expected<std::unique_ptr<LiveRecording>, SetupError> LiveRecording::start(
   if (!recorder) return unexpected{recorder.error()};
   const auto channel = add_annotations(**recorder);
   if (!channel) return unexpected{channel.error()};
-  auto impl = std::make_unique<Impl>(std::move(*recorder), *channel);
+  auto impl = std::make_unique<Impl>(node, std::move(*recorder), *channel);
   if (auto started = impl->start(node, std::move(*types), config); !started)
     return unexpected{started.error()};
   return std::unique_ptr<LiveRecording>(new LiveRecording(std::move(impl)));
