@@ -11,6 +11,7 @@
 #include "rtpm/device_sim/player_driver.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "rtpm/device_sim/stimulus_driver.hpp"
+#include "rtpm/device_vrpn/vrpn_driver.hpp"
 #include "rtpm/driver_host/plugin.hpp"
 
 /// Initializes `make` and `probe` of a DriverInfo for a driver whose namespace has open() and
@@ -88,6 +89,17 @@ Made make_mpv(const DeviceSettings& device) {
       device_mpv::open_mpv(*settings), serial, device.name + "/base"));
 }
 
+Made make_vrpn(const DeviceSettings& device) {
+  auto settings = device_vrpn::read_settings(device.arguments);
+  if (!settings) return unexpected{settings.error()};
+  std::string serial = device.serial;
+  if (serial.empty()) {
+    serial = settings->tracker + "-" + std::to_string(settings->sensor) + "@" + settings->host;
+  }
+  return std::unique_ptr<driver::Driver>(std::make_unique<device_vrpn::VrpnDriver>(
+      std::move(*settings), std::move(serial), device.name + "/base"));
+}
+
 constexpr std::array kDrivers{
     DriverInfo{"arm", "simulated: a haptic arm in a hand", &make_arm, nullptr, ""},
     DriverInfo{"biometric", "simulated: pulse and skin conductance",
@@ -101,6 +113,7 @@ constexpr std::array kDrivers{
     DriverInfo{"stimulus", "simulated: a lamp, a loudspeaker and a hammer, with their sensors",
                &make_twin<device_sim::StimulusDriver>, nullptr, ""},
     DriverInfo{"mpv", "the media player mpv", &make_mpv, nullptr, ""},
+    DriverInfo{"vrpn", "a tracker of a VRPN server", &make_vrpn, nullptr, ""},
     DriverInfo{"evdev", "input devices of Linux, with force feedback", RTPM_EVDEV, "libevdev-dev"},
     DriverInfo{"falcon", "Novint Falcon", RTPM_FALCON, "libusb-1.0-0-dev"},
     DriverInfo{"hid", "3Dconnexion SpaceMouse, game pads, DualShock 4, DualSense, OpenFFBoard",

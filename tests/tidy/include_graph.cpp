@@ -57,6 +57,7 @@ const std::vector<Part>& parts() {
       {"gvd/safety/", "safety", {"base", "driver"}},
       {"gvd/viewers/", "viewers", {"base", "driver", "models"}},
       {"gvd/ros2/", "ros2", {"base", "crypto", "driver"}},
+      {"gvd/vrpn/", "vrpn", {"base", "driver"}},
       {"gvd/media/", "media", {"base", "wire", "rt", "rpc"}},
       {"gvd/recording/file/", "recording", {"base", "rt"}},
       {"gvd/recording/capture/",
@@ -86,12 +87,13 @@ const std::vector<Part>& parts() {
       {"devices/hid/", "device_hid", {"base", "rt", "driver", "device_io"}},
       {"devices/serial/", "device_serial", {"base", "rt", "driver", "device_io"}},
       {"devices/sim/", "device_sim", {"base", "driver"}},
+      {"devices/vrpn/", "device_vrpn", {"base", "rt", "driver", "vrpn", "device_io"}},
       {"devices/", "", {"base",          "wire",       "rt",          "rpc",
                         "program",       "options",    "names",       "introspection",
                         "events",        "driver",     "driver_host", "configuration",
                         "safety",        "gvd",        "media",       "device_evdev",
                         "device_falcon", "device_hid", "device_io",   "device_mpv",
-                        "device_serial", "device_sim", "capture"}},
+                        "device_serial", "device_sim", "device_vrpn", "capture"}},
       {"clients/console/",
        "",
        {"base",          "wire",          "rt",      "rpc",    "program",   "options", "predicate",
@@ -112,6 +114,9 @@ const std::vector<Part>& parts() {
                              "introspection", "dynamic",       "events",    "recording", "schema",
                              "driver",        "configuration", "safety",    "gvd",       "capture",
                              "replay",        "exports",       "access",    "crypto"}},
+      {"clients/vrpn/",
+       "",
+       {"base", "transport", "rpc", "rt", "program", "options", "names", "driver", "gvd", "vrpn"}},
       {"clients/",
        "",
        {"base", "wire", "rt", "rpc", "program", "options", "names", "introspection", "events",
@@ -180,15 +185,16 @@ const std::vector<Foreign>& foreigners() {
       // program has the signals and streams that every program shares, options the environment;
       // driver_host loads plug-ins; the devices are drivers of hardware and a program that
       // devices/mpv starts; rtpm looks at terminals, files and this host; the console names the
-      // host, and needs random numbers; Python's event loops wait for descriptors, and it forks.
+      // host, and needs random numbers; Python's event loops wait for descriptors, and it forks; VRPN
+      // has a protocol of its own on sockets.
       {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
                   "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc)\\.h)"),
        "the operating system",
        {"runtime/access/src/", "runtime/rt/", "runtime/transport/", "runtime/program/src/",
         "runtime/options/src/", "gvd/driver_host/src/", "gvd/recording/file/src/",
         "devices/evdev/src/", "devices/falcon/src/", "devices/hid/src/", "devices/io/src/",
-        "devices/mpv/src/", "devices/serial/src/", "clients/console/", "clients/python/src/",
-        "clients/rtpm/"}},
+        "devices/mpv/src/", "devices/serial/src/", "devices/vrpn/src/", "clients/console/",
+        "clients/python/src/", "clients/rtpm/", "clients/vrpn/src/"}},
   };
   return kForeigners;
 }
