@@ -149,7 +149,7 @@ TEST_F(Loading, LeavesOutWhatViewersDraw) {
   writer.close();
   const Recorded recorded = loaded();
   EXPECT_EQ(recorded.devices.at(0).samples.size(), 2u);
-  EXPECT_EQ(recorded.sources.size(), 1u);  // Of the samples.
+  EXPECT_EQ(recorded.sources.size(), 1u);  // The samples.
   EXPECT_TRUE(recorded.notes.empty()) << recorded.notes.front();
 }
 

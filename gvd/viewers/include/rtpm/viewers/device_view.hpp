@@ -55,7 +55,7 @@ class DeviceView {
   driver::Workspace workspace_;
   gvd::ModelList models_{};
   std::vector<Channel> channels_{};
-  std::vector<std::uint64_t> last_slots_{};  ///< Of each channel's last message.
+  std::vector<std::uint64_t> last_slots_{};  ///< Each channel's last message.
 };
 
 }  // namespace rtpm::viewers

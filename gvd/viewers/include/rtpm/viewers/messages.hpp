@@ -39,7 +39,8 @@ using Message = std::vector<std::byte>;
 /// When and where.
 struct Stamp {
   std::uint64_t time_ns = 0;  ///< Since 1970 in UTC.
-  std::string_view frame{};   ///< Of positions; of a camera: its optical centre, z into the image.
+  std::string_view
+      frame{};  ///< The frame of positions; a camera has its optical centre, z into the image.
 };
 
 /// The length of the arrow of a force.
