@@ -1,5 +1,6 @@
 #include "rtpm/device_vrpn/vrpn_driver.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "rtpm/rt/clock.hpp"
@@ -29,7 +30,10 @@ driver::Descriptor VrpnDriver::describe() const {
   return descriptor;
 }
 
-expected<void, SetupError> VrpnDriver::configure(const driver::DriverConfig&) {
+expected<void, SetupError> VrpnDriver::configure(const driver::DriverConfig& config) {
+  if (config.period <= Duration{0}) {
+    return setup_error("the VRPN driver needs a period above zero", "", "set --rate");
+  }
   deactivate();
   if (auto opened = client_.open(kStartMax); !opened) return opened;
   const MonotonicTime end = rt::now() + kStartMax;
@@ -68,7 +72,8 @@ driver::ExchangeStatus VrpnDriver::exchange(const driver::Command& command,
   const Duration age = command.cycle_time - report->reading.time;
   if (age > kGoneAfter) return driver::ExchangeStatus::kGone;
   if (age > kLateAfter) return driver::ExchangeStatus::kLate;
-  sample.host_time = report->reading.time;
+  // A report may arrive after the cycle's time.
+  sample.host_time = std::min(report->reading.time, command.cycle_time);
   sample.pose = report->reading.pose;
   return driver::ExchangeStatus::kOk;
 }
