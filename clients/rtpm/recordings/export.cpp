@@ -20,6 +20,8 @@ struct ExportRequest {
   bool is_ros2 = false;
   bool is_csv = false;
   bool is_parquet = false;
+  bool is_video = false;
+  std::string medium{};  ///< The camera; empty: the only one.
 };
 
 /// Debian has no library that writes Parquet files; Python has one.
@@ -66,9 +68,12 @@ int report(const Context& context, const ExportRequest& request, const exports::
 }
 
 int run(Context& context, const ExportRequest& request) {
-  if (int{request.is_ros2} + int{request.is_csv} + int{request.is_parquet} != 1)
-    return context.fail("one of --ros2, --csv and --parquet is required", kMisused);
+  const int format_count =
+      int{request.is_ros2} + int{request.is_csv} + int{request.is_parquet} + int{request.is_video};
+  if (format_count != 1)
+    return context.fail("one of --ros2, --csv and --parquet, or --video, is required", kMisused);
   if (request.is_parquet) return export_parquet(context, request);
+  if (request.is_video) return export_video(context, request.file, request.output, request.medium);
   expected<exports::Report, SetupError> done{};
   {
     ProgressBar bar(context, "exporting");
@@ -94,6 +99,7 @@ void add_export(CLI::App& group, Context& context) {
       group, context, "export", "Convert a recording for ROS 2, or to tables",
       "  rtpm bag export run.mcap run_ros2.mcap --ros2\n"
       "  rtpm bag export run.mcap tables --csv\n"
+      "  rtpm bag export run.mcap run.mkv --video\n"
       "--ros2 writes a recording that 'ros2 bag play' and viewers of ROS 2 read: a device's pose,\n"
       "twist, applied_wrench, joint_states, joy, imu/data below /rtpm/DEVICE, /diagnostics, and "
       "all\n"
@@ -107,6 +113,11 @@ void add_export(CLI::App& group, Context& context) {
   command.add_flag("--csv", request->is_csv, "Write a CSV file for each channel");
   command.add_flag("--parquet", request->is_parquet,
                    "Write a Parquet file for each channel, by RTPM's Python package");
+  CLI::Option* const video = command.add_flag(
+      "--video", request->is_video, "Write a Matroska file of a camera's pictures and sound");
+  command.add_option("--medium", request->medium, "The camera, where there are several")
+      ->type_name("NAME")
+      ->needs(video);
 }
 
 }  // namespace rtpm::tool

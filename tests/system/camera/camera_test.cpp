@@ -14,7 +14,6 @@
 #include "bar_code.hpp"
 #include "gstreamer.hpp"
 #include "programs.hpp"
-#include "rtpm/exports/video.hpp"
 #include "rtpm/recording/file_reader.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
@@ -161,10 +160,13 @@ TEST_F(Camera, ARecordingShowsTheButtonAtTheTimeOfItsEvent) {
   EXPECT_EQ(recorded.uncertainty_ns, kPictureNs);
   expect_shown(recorded.sounds, recorded.tones, recorded.presses, kSoundNs, kSoundNs);
 
-  const auto exported = exports::export_video(**reader, video_);
-  ASSERT_TRUE(exported) << exported.error().text();
-  EXPECT_EQ(exported->picture_count, recorded.pictures.size());
-  EXPECT_EQ(exported->left_out_count, 0);
+  const auto exported = run_program("rtpm", {"bag", "export", file_, video_, "--video"});
+  EXPECT_EQ(exported.exit_code, 0) << exported.errors;
+  expect_text(exported.output,
+              {std::to_string(recorded.pictures.size()) + " pictures of lab/cam0"});
+  expect_one_sentence(
+      run_program("rtpm", {"bag", "export", file_, video_, "--video", "--medium", "lab/cam9"}), 1,
+      {"no camera lab/cam9", "it has lab/cam0"});
   std::istringstream times(
       output_of({"ffprobe", "-v", "error", "-select_streams", "v", "-show_entries",
                  "packet=pts_time", "-of", "csv=p=0", video_}));
