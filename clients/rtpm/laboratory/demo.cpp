@@ -10,8 +10,8 @@
 #include <system_error>
 
 #include "cli/command.hpp"
-#include "cli/output.hpp"
 #include "cli/kept_folder.hpp"
+#include "cli/output.hpp"
 #include "laboratory/commands.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/rt/log.hpp"
