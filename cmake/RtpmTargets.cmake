@@ -176,6 +176,24 @@ function(rtpm_test)
       ${keys} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${serial})
   endif()
 endfunction()
+
+# rtpm_npm_peer(test): gives a test the code of others in the folder `peer`, whose npm packages it
+# installs by rtpm/test/npm_peer.hpp. A changed peer is installed anew.
+function(rtpm_npm_peer test)
+  set(content "")
+  file(GLOB files CONFIGURE_DEPENDS peer/*)
+  foreach(file ${files})
+    file(SHA256 "${file}" hash)
+    string(APPEND content ${hash})
+  endforeach()
+  string(SHA256 content "${content}")
+  string(SUBSTRING ${content} 0 8 version)
+  target_link_libraries(${test} PRIVATE rtpm::test_process nlohmann_json::nlohmann_json)
+  target_compile_definitions(${test} PRIVATE
+    RTPM_PEER_SOURCE="${CMAKE_CURRENT_SOURCE_DIR}/peer"
+    RTPM_PEER="${CMAKE_CURRENT_BINARY_DIR}/peer-${version}")
+endfunction()
+
 if(RTPM_BUILD_TESTS)
   include(GoogleTest)
 endif()

@@ -110,10 +110,6 @@ const std::uint8_t* follow(const std::uint8_t* offset) noexcept {
   return offset + flatbuffers::ReadScalar<flatbuffers::uoffset_t>(offset);
 }
 
-std::size_t size_of(BaseType type) {
-  return with_number(type, [](auto number) { return sizeof number; });
-}
-
 /// Writes one message.
 class Writer {
  public:

@@ -398,7 +398,7 @@ TEST_F(Consoles, RecordAndPlayRecordings) {
             Json({{"file", "run.mcap"}}));
   EXPECT_TRUE(client->call("console/record_start", Json::object()).contains("failure"));
   static_cast<void>(client->await_state([](const Json& state) {
-    return state["recording"]["file"] == "run.mcap" && state["recording"]["message_count"] > 2500;
+    return state["recording"]["file"] == "run.mcap" && state["recording"]["message_count"] > 3200;
   }));
   const Json ended = client->call("console/record_stop", Json::object());
   EXPECT_GT(ended["message_count"], 300);

@@ -10,36 +10,16 @@
 #include "fixture.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/recording/file_reader.hpp"
+#include "rtpm/test/npm_peer.hpp"
 
 // Another implementation of the protocol, @foxglove/ws-protocol from npm, beside rtpm-console.
 namespace rtpm::system_test {
 namespace {
 
-constexpr Duration kInstallPatience = std::chrono::minutes{2};
-
-test::Process::End run_shell(const std::string& command) {
-  const auto end = test::Process({"/bin/sh", "-c", command}).wait(kInstallPatience);
-  EXPECT_TRUE(end) << command;
-  return end.value_or(test::Process::End{});
-}
-
-/// Installs the peer in the build folder, once; returns whether it is installed.
-bool install_peer() {
-  const std::string folder = RTPM_PEER;
-  const std::string own = folder + "." + std::to_string(::getpid());
-  if (!std::filesystem::exists(folder)) {
-    static_cast<void>(run_shell("cp -r '" RTPM_PEER_SOURCE "' '" + own + "' && cd '" + own +
-                                "' && npm install --silent --no-audit --no-fund && mv -T '" + own +
-                                "' '" + folder + "'"));
-    std::filesystem::remove_all(own);
-  }
-  return std::filesystem::exists(folder);
-}
-
 class FoxglovePeer : public ConsoleSystem {
  protected:
   void SetUp() override {
-    if (!install_peer()) {
+    if (!test::install_peer()) {
       GTEST_SKIP() << "npm is not installed, or can't install @foxglove/ws-protocol";
     }
     ConsoleSystem::SetUp();
@@ -77,12 +57,10 @@ TEST_F(FoxglovePeer, SubscribesCallsAndSetsParameters) {
   ASSERT_EQ(client->call("console/record_start", {{"file", "run.mcap"}}),
             Json({{"file", "run.mcap"}}));
   for (const std::string subprotocol : {"foxglove.sdk.v1", "foxglove.websocket.v1"}) {
-    const auto end = run_shell(
-        "cd '" RTPM_PEER "' && node session.mjs 'ws://127.0.0.1:" + std::to_string(console_->port) +
-        console_->target + "' " + subprotocol);
-    ASSERT_EQ(end.exit_code, 0) << end.errors;
-    const Json seen = Json::parse(end.output, nullptr, false);
-    ASSERT_TRUE(seen.is_object()) << end.output;
+    const Json seen =
+        test::run_peer("session.mjs 'ws://127.0.0.1:" + std::to_string(console_->port) +
+                       console_->target + "' " + subprotocol);
+    ASSERT_TRUE(seen.is_object()) << seen;
     EXPECT_EQ(seen["info"]["name"], "rtpm-console");
     EXPECT_EQ(seen["described"]["serial"], "sim-arm0");
     EXPECT_EQ(seen["refused"], "there is no device 'lab/none' that answers");

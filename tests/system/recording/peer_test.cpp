@@ -3,10 +3,10 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "peer.hpp"
 #include "rtpm/recording/file_reader.hpp"
 #include "rtpm/recording/file_writer.hpp"
 #include "rtpm/recording/repair.hpp"
+#include "rtpm/test/npm_peer.hpp"
 
 /// Recordings beside another implementation of MCAP, @mcap/core from npm.
 namespace rtpm::recording {
@@ -17,7 +17,7 @@ using nlohmann::json;
 class McapPeer : public testing::Test {
  protected:
   void SetUp() override {
-    if (!install_peer()) GTEST_SKIP() << "npm is not installed, or can't install @mcap/core";
+    if (!test::install_peer()) GTEST_SKIP() << "npm is not installed, or can't install @mcap/core";
     const auto* const test = testing::UnitTest::GetInstance()->current_test_info();
     file_ = testing::TempDir() + "rtpm_peer_" + test->name() + ".mcap";
     std::filesystem::remove(file_);
@@ -58,7 +58,7 @@ TEST_F(McapPeer, ReadsOurRecordings) {
        {Compression::kNone, Compression::kLz4, Compression::kZstd}) {
     std::filesystem::remove(file_);
     write_own(compression);
-    const json read = run_peer("read.mjs '" + file_ + "'");
+    const json read = test::run_peer("read.mjs '" + file_ + "'");
     EXPECT_EQ(read["library"], "rtpm");
     EXPECT_EQ(read["schemas"][0]["name"], "lab.Touched");
     EXPECT_EQ(read["channels"][0]["metadata"]["rtpm.priority"], "24000");
@@ -80,7 +80,7 @@ TEST_F(McapPeer, ReadsOurRecordings) {
 TEST_F(McapPeer, IsReadByUs) {
   for (const std::string form : {"none", "zstd", "loose"}) {
     std::filesystem::remove(file_);
-    static_cast<void>(run_peer("write.mjs '" + file_ + "' " + form));
+    static_cast<void>(test::run_peer("write.mjs '" + file_ + "' " + form));
     auto reader = FileReader::open(file_);
     ASSERT_TRUE(reader) << form << reader.error().text();
     EXPECT_EQ((*reader)->statistics().message_count, 100u) << form;

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "../../unit/exports/example_recording.hpp"
-#include "peer.hpp"
 #include "rtpm/exports/export.hpp"
+#include "rtpm/test/npm_peer.hpp"
 
 /// An export for ROS 2, read by the parsers of Foxglove.
 namespace rtpm::recording {
@@ -16,7 +16,8 @@ namespace {
 using nlohmann::json;
 
 TEST(Ros2Peer, ReadsTheExportsMessages) {
-  if (!install_peer()) GTEST_SKIP() << "npm is not installed, or can't install @foxglove/rosmsg";
+  if (!test::install_peer())
+    GTEST_SKIP() << "npm is not installed, or can't install @foxglove/rosmsg";
   const Folder folder;
   const std::string file = folder.fresh("run");
   const std::string out = folder.fresh("ros2");
@@ -28,7 +29,7 @@ TEST(Ros2Peer, ReadsTheExportsMessages) {
   ASSERT_TRUE(reader);
   ASSERT_TRUE(exports::export_ros2(**reader, out));
 
-  const json read = run_peer("read_ros2.mjs '" + out + "'");
+  const json read = test::run_peer("read_ros2.mjs '" + out + "'");
   EXPECT_EQ(read["profile"], "ros2");
   std::map<std::string, std::vector<json>> by_topic;
   for (const json& message : read["messages"])

@@ -9,31 +9,11 @@
 #include <fstream>
 #include <sstream>
 
+#include "rtpm/test/npm_peer.hpp"
 #include "rtpm/viewers/messages.hpp"
 
 namespace rtpm::system_test {
 namespace {
-
-constexpr Duration kInstallPatience = std::chrono::minutes{2};
-
-test::Process::End run_shell(const std::string& command) {
-  const auto end = test::Process({"/bin/sh", "-c", command}).wait(kInstallPatience);
-  EXPECT_TRUE(end) << command;
-  return end.value_or(test::Process::End{});
-}
-
-/// Installs the peer in the build folder, once; returns whether it is installed.
-bool install_peer() {
-  const std::string folder = RTPM_PEER;
-  const std::string own = folder + "." + std::to_string(::getpid());
-  if (!std::filesystem::exists(folder)) {
-    static_cast<void>(run_shell("cp -r '" RTPM_PEER_SOURCE "' '" + own + "' && cd '" + own +
-                                "' && npm install --silent --no-audit --no-fund && mv -T '" + own +
-                                "' '" + folder + "'"));
-    std::filesystem::remove_all(own);
-  }
-  return std::filesystem::exists(folder);
-}
 
 using Vector = std::array<double, 3>;
 
@@ -99,7 +79,7 @@ std::string lichtblick_folder() {
 }
 
 void ViewedLaboratory::SetUp() {
-  if (!install_peer())
+  if (!test::install_peer())
     GTEST_SKIP() << "npm is not installed, or can't install flatbuffers_reflection";
   folder_ = testing::TempDir() + "rtpm_viewers_" + std::to_string(::getpid());
   std::filesystem::create_directories(folder_ + "/page");
@@ -144,11 +124,9 @@ std::string ViewedLaboratory::start_console() {
 }
 
 ViewedLaboratory::Channels ViewedLaboratory::view(const std::string& words) {
-  const auto end = run_shell("cd '" RTPM_PEER "' && node " + words);
-  EXPECT_EQ(end.exit_code, 0) << end.errors;
   Channels channels;
-  const Json list = Json::parse(end.output, nullptr, false);
-  EXPECT_TRUE(list.is_array()) << end.output.substr(0, 1000);
+  const Json list = test::run_peer(words);
+  EXPECT_TRUE(list.is_array()) << list;
   if (!list.is_array()) return channels;
   for (const Json& channel : list)
     channels[channel["topic"]] = channel;

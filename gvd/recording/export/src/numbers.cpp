@@ -28,24 +28,6 @@ bool is_real(BaseType type) {
 
 }  // namespace
 
-std::size_t size_of(BaseType type) noexcept {
-  switch (type) {
-    case BaseType::kInt16:
-    case BaseType::kUint16:
-      return 2;
-    case BaseType::kInt32:
-    case BaseType::kUint32:
-    case BaseType::kFloat:
-      return 4;
-    case BaseType::kInt64:
-    case BaseType::kUint64:
-    case BaseType::kDouble:
-      return 8;
-    default:
-      return 1;
-  }
-}
-
 std::int64_t integer_at(BaseType type, const std::byte* at) noexcept {
   switch (type) {
     case BaseType::kInt8:

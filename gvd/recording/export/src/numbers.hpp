@@ -11,8 +11,6 @@
 /// Numbers in the bytes of a verified FlatBuffer, as text that reads as the same number again.
 namespace rtpm::exports {
 
-/// The size of a number or boolean in bytes.
-[[nodiscard]] std::size_t size_of(schema::BaseType type) noexcept;
 /// The integer at `at`, which is none of the reals.
 [[nodiscard]] std::int64_t integer_at(schema::BaseType type, const std::byte* at) noexcept;
 /// Appends "1.5", "true", "nan".

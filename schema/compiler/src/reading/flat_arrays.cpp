@@ -10,29 +10,8 @@
 namespace rtpm::schema {
 namespace {
 
-/// A scalar has the size of its type; others have none here.
 std::size_t size_of(const Model& model, const Type& type) {
-  switch (type.base) {
-    case BaseType::kBool:
-    case BaseType::kInt8:
-    case BaseType::kUint8:
-      return 1;
-    case BaseType::kInt16:
-    case BaseType::kUint16:
-      return 2;
-    case BaseType::kInt32:
-    case BaseType::kUint32:
-    case BaseType::kFloat:
-      return 4;
-    case BaseType::kInt64:
-    case BaseType::kUint64:
-    case BaseType::kDouble:
-      return 8;
-    case BaseType::kObject:
-      return model.objects[*type.index].byte_size;
-    default:
-      return 0;
-  }
+  return type.base == BaseType::kObject ? model.objects[*type.index].byte_size : size_of(type.base);
 }
 
 /// The array's name, if the field is an element of one.
@@ -45,8 +24,10 @@ const std::string* array_of(const Field& field) {
 std::size_t element_count(const Model& model, const std::vector<Field>& fields, std::size_t first) {
   const std::string* const name = array_of(fields[first]);
   const Type& type = fields[first].type;
+  const bool has_size = type.base == BaseType::kObject ||
+                        (type.base >= BaseType::kBool && type.base <= BaseType::kDouble);
+  if (name == nullptr || !has_size) return 0;
   const std::size_t size = size_of(model, type);
-  if (name == nullptr || size == 0) return 0;
   std::size_t count = 1;
   for (; first + count < fields.size(); ++count) {
     const Field& next = fields[first + count];

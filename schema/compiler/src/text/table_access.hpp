@@ -20,23 +20,4 @@ namespace rtpm::schema {
   return offset + flatbuffers::ReadScalar<flatbuffers::uoffset_t>(offset);
 }
 
-/// The size of a number, in bytes.
-[[nodiscard]] inline std::size_t size_of(BaseType type) noexcept {
-  switch (type) {
-    case BaseType::kInt16:
-    case BaseType::kUint16:
-      return 2;
-    case BaseType::kInt32:
-    case BaseType::kUint32:
-    case BaseType::kFloat:
-      return 4;
-    case BaseType::kInt64:
-    case BaseType::kUint64:
-    case BaseType::kDouble:
-      return 8;
-    default:
-      return 1;
-  }
-}
-
 }  // namespace rtpm::schema

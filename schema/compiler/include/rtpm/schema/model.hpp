@@ -43,6 +43,25 @@ enum class BaseType : std::uint8_t {
   kArray,
 };
 
+/// The size of a number or boolean, in bytes.
+[[nodiscard]] constexpr std::size_t size_of(BaseType type) noexcept {
+  switch (type) {
+    case BaseType::kInt16:
+    case BaseType::kUint16:
+      return 2;
+    case BaseType::kInt32:
+    case BaseType::kUint32:
+    case BaseType::kFloat:
+      return 4;
+    case BaseType::kInt64:
+    case BaseType::kUint64:
+    case BaseType::kDouble:
+      return 8;
+    default:
+      return 1;
+  }
+}
+
 /// The type of a field or of a union's member.
 struct Type {
   BaseType base = BaseType::kNone;

@@ -10,15 +10,14 @@
 
 #include "rtpm/test/process.hpp"
 
-/// Another implementation of MCAP and of ROS 2's messages, packages from npm.
-namespace rtpm::recording {
+/// Code of others, packages from npm, for tests that rtpm_npm_peer() of CMake gives a peer's folder.
+namespace rtpm::test {
 
-inline constexpr Duration kPatience = std::chrono::minutes{2};
-
-inline test::Process::End run_shell(const std::string& command) {
-  const auto end = test::Process({"/bin/sh", "-c", command}).wait(kPatience);
+/// Runs a command of the shell for at most two minutes.
+inline Process::End run_shell(const std::string& command) {
+  const auto end = Process({"/bin/sh", "-c", command}).wait(std::chrono::minutes{2});
   EXPECT_TRUE(end) << command;
-  return end.value_or(test::Process::End{});
+  return end.value_or(Process::End{});
 }
 
 /// Installs the peer in the build folder, once; returns whether it is installed.
@@ -35,11 +34,12 @@ inline bool install_peer() {
   return std::filesystem::exists(folder);
 }
 
-/// The JSON that a script of the peer prints.
+/// The JSON that a script of the peer prints; discarded if it prints none.
+/// @param words  "read.mjs FILE"
 inline nlohmann::json run_peer(const std::string& words) {
   const auto end = run_shell("cd '" RTPM_PEER "' && node " + words);
   EXPECT_EQ(end.exit_code, 0) << end.errors;
-  return end.output.empty() ? nlohmann::json() : nlohmann::json::parse(end.output);
+  return nlohmann::json::parse(end.output, nullptr, false);
 }
 
-}  // namespace rtpm::recording
+}  // namespace rtpm::test
