@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <ctime>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "left_out.hpp"
+#include "read_all.hpp"
 #include "recorded_devices.hpp"
 #include "rows.hpp"
 #include "rtpm/base/printable.hpp"
@@ -206,20 +206,8 @@ class CsvExport {
   }
 
   expected<void, SetupError> write_all(const recording::Query& query) {
-    expected<void, SetupError> done{};
-    std::uint64_t count = 0;
-    const std::uint64_t whole = reader_.statistics().message_count;
-    const auto read = reader_.read(
-        query,
-        [&](const recording::Message& message) {
-          done = add(message);
-          if (done && progress_ && ++count % kProgressStep == 0 &&
-              !progress_(std::min(count, whole), whole))
-            done = setup_error("'" + folder_.string() + "' was not written", "it was stopped");
-          return done.has_value();
-        },
-        progress_);
-    if (!read) return unexpected{read.error()};
+    auto done = read_all(reader_, query, progress_, "'" + folder_.string() + "' was not written",
+                         [this](const recording::Message& message) { return add(message); });
     if (!done) return done;
     for (auto& [number, table] : tables_) {
       if (auto flushed = flush(table); !flushed) return flushed;

@@ -26,8 +26,6 @@ class LeftOutCounter {
 /// Whether the channel only repeats samples for viewers.
 [[nodiscard]] bool is_view(const recording::Channel& channel);
 
-/// Messages between two reports of progress.
-inline constexpr std::uint64_t kProgressStep = 256;
 inline constexpr const char* kBrokenMessage = "they do not match its schema";
 
 }  // namespace rtpm::exports

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <map>
 #include <memory>
 #include <optional>
@@ -6,6 +5,7 @@
 #include <utility>
 
 #include "left_out.hpp"
+#include "read_all.hpp"
 #include "recorded_devices.hpp"
 #include "ros2_topics.hpp"
 #include "rows.hpp"
@@ -146,20 +146,8 @@ class Ros2Export {
   }
 
   expected<void, SetupError> write_all(const recording::Query& query) {
-    expected<void, SetupError> done{};
-    std::uint64_t count = 0;
-    const std::uint64_t whole = reader_.statistics().message_count;
-    const auto read = reader_.read(
-        query,
-        [&](const recording::Message& message) {
-          done = convert(message);
-          if (done && progress_ && ++count % kProgressStep == 0 &&
-              !progress_(std::min(count, whole), whole))
-            done = setup_error("the recording was not exported", "it was stopped");
-          return done.has_value();
-        },
-        progress_);
-    return read ? done : read;
+    return read_all(reader_, query, progress_, "the recording was not exported",
+                    [this](const recording::Message& message) { return convert(message); });
   }
 
   expected<void, SetupError> convert(const recording::Message& message) {
