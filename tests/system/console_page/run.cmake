@@ -1,5 +1,5 @@
 # Runs the test in the build folder, or says why it can't:
-# cmake -DNPM= -DNODE= -DSOURCE= -DWORK= -DINSTALL= -DPROGRAMS= -DSTROKE= -DPAGE= -P run.cmake
+# cmake -DNPM= -DNODE= -DTEST= -DSOURCE= -DWORK= -DINSTALL= -DPROGRAMS= -DSTROKE= -DPAGE= -P run.cmake
 if(NOT EXISTS "${PAGE}/index.html")
   message(NOTICE "SKIPPED: the page of rtpm-console is not built.")
   return()
@@ -19,10 +19,10 @@ if(NOT EXISTS "${WORK}/installed")
 endif()
 file(COPY "${SOURCE}/" DESTINATION "${WORK}" FILES_MATCHING PATTERN "*.mjs"
   PATTERN node_modules EXCLUDE)
-file(REMOVE_RECURSE "${WORK}/scratch")
+file(REMOVE_RECURSE "${WORK}/scratch-${TEST}")
 execute_process(COMMAND ${CMAKE_COMMAND} -E env "RTPM_PROGRAM_FOLDER=${PROGRAMS}"
-    "RTPM_ARTEFACTS=${WORK}/screenshots" "RTPM_SCRATCH=${WORK}/scratch" "RTPM_STROKE=${STROKE}"
-    "RTPM_CHROMIUM=${CHROMIUM}" "${NODE}" --test --test-reporter=spec drive.test.mjs
+    "RTPM_ARTEFACTS=${WORK}/screenshots" "RTPM_SCRATCH=${WORK}/scratch-${TEST}" "RTPM_STROKE=${STROKE}"
+    "RTPM_CHROMIUM=${CHROMIUM}" "${NODE}" --test --test-reporter=spec ${TEST}.test.mjs
   WORKING_DIRECTORY "${WORK}" RESULT_VARIABLE code)
 if(NOT code EQUAL 0)
   message(FATAL_ERROR "The page does not do what it should; see above.")

@@ -2,7 +2,15 @@ import {signal, type Signal} from '@preact/signals';
 
 /** Which view shows, and of which device: `#/live/lab/arm0`. */
 
-export const kViews = ['overview', 'live', 'parameters', 'recordings', 'events'] as const;
+export const kViews = [
+  'overview',
+  'live',
+  'plots',
+  'parameters',
+  'recordings',
+  'incidents',
+  'events',
+] as const;
 export type View = (typeof kViews)[number];
 
 export interface Route {

@@ -4,11 +4,12 @@ import {kStopKeyText} from '../store/stop';
 import {nextTheme, theme} from '../store/theme';
 import {severity} from '../model/state';
 import {clock} from '../parts/text';
+import {texts} from '../texts/texts';
 import {worstText} from './device_status';
 
 const kThemeNames = {system: 'Auto', light: 'Light', dark: 'Dark'} as const;
 
-export function Header({titles}: {titles: Readonly<Record<View, string>>}) {
+export function Header() {
   const app = useApp();
   const {view, subject} = app.route.value;
   const subjectOf = (target: View) => (target === 'live' || target === 'parameters' ? subject : '');
@@ -30,7 +31,7 @@ export function Header({titles}: {titles: Readonly<Record<View, string>>}) {
             href={writeRoute(one, subjectOf(one))}
             {...(one === view ? {'aria-current': 'page' as const} : {})}
           >
-            {titles[one]}
+            {texts.value.views[one]}
           </a>
         ))}
       </nav>

@@ -2,25 +2,19 @@ import type {ComponentChildren} from 'preact';
 import {useEffect, useRef} from 'preact/hooks';
 import {severity} from '../model/state';
 import {useApp, type App} from '../store/app';
-import type {View} from '../store/route';
-import {writeRoute} from '../store/route';
+import {writeRoute, type View} from '../store/route';
+import {texts} from '../texts/texts';
 import {Banners} from './banners';
 import {worstText} from './device_status';
 import {EventsView} from './events';
 import {Header} from './header';
+import {IncidentsView} from './incidents';
 import {LiveView} from './live';
 import {OverviewView} from './overview';
 import {ParametersView} from './parameters';
+import {PlotsView} from './plots';
 import {RecordingsView} from './recordings';
 import {Timeline} from './timeline';
-
-const kTitles: Readonly<Record<View, string>> = {
-  overview: 'Overview',
-  live: 'Live',
-  parameters: 'Parameters',
-  recordings: 'Recordings',
-  events: 'Events',
-};
 
 /** The page's frame: header with the stop, what must be known at once, and one view. */
 export function Shell() {
@@ -29,7 +23,7 @@ export function Shell() {
   const main = useRef<HTMLElement>(null);
   useEffect(() => {
     const state = !app.isLive.value ? 'not connected: ' : alarmOf(app);
-    document.title = `${state}${kTitles[view]}${subject === '' ? '' : ` ${subject}`} · RTPM console`;
+    document.title = `${state}${texts.value.views[view]}${subject === '' ? '' : ` ${subject}`} · RTPM console`;
   });
   const skip = (event: Event) => {
     event.preventDefault();
@@ -44,10 +38,10 @@ export function Shell() {
       <a class="skip" href={writeRoute(view, subject)} onClick={skip}>
         Skip to the content
       </a>
-      <Header titles={kTitles} />
+      <Header />
       <Banners />
       <main id="main" ref={main} tabIndex={-1}>
-        <h1 class="visually-hidden">{kTitles[view]}</h1>
+        <h1 class="visually-hidden">{texts.value.views[view]}</h1>
         <Shown view={view} />
       </main>
       <Timeline />
@@ -68,10 +62,14 @@ function Shown({view}: {view: View}): ComponentChildren {
       return <OverviewView />;
     case 'live':
       return <LiveView />;
+    case 'plots':
+      return <PlotsView />;
     case 'parameters':
       return <ParametersView />;
     case 'recordings':
       return <RecordingsView />;
+    case 'incidents':
+      return <IncidentsView />;
     case 'events':
       return <EventsView />;
   }
