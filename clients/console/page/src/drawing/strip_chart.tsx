@@ -2,6 +2,7 @@ import {useEffect, useRef} from 'preact/hooks';
 import uPlot from 'uplot';
 import {fixed} from '../parts/text';
 import {eachFrame} from '../store/frames';
+import type {MarkerList} from '../store/markers';
 import type {Series} from '../store/series';
 import {colour, themeVersion} from '../store/theme';
 
@@ -15,6 +16,8 @@ export interface Curve {
 export interface ChartSource {
   readonly series: Series;
   readonly endS: number;
+  /** The series' clock minus that of markers. */
+  readonly offsetS?: number;
   /** The newest row is recent. */
   readonly isFresh: boolean;
 }
@@ -32,6 +35,8 @@ interface Props {
   isLogarithmic?: boolean;
   /** Horizontal lines with names. */
   marks?: readonly {readonly value: number; readonly label: string}[];
+  /** Drawn as lines with labels; trials as bands. */
+  markers?: () => MarkerList;
   gapS: number;
   source: () => ChartSource | null;
 }
@@ -48,7 +53,12 @@ function rangeOf(low: number | null, high: number | null, spanMin: number): Rang
   return [from - margin, to + margin];
 }
 
-function optionsOf(props: Props, width: number, height: number): uPlot.Options {
+/** The moment at the right end of the chart, on the markers' clock. */
+interface Present {
+  nowS: number;
+}
+
+function optionsOf(props: Props, present: Present, width: number, height: number): uPlot.Options {
   const axis = {
     stroke: colour('quiet'),
     font: '12px system-ui, sans-serif',
@@ -84,7 +94,13 @@ function optionsOf(props: Props, width: number, height: number): uPlot.Options {
         points: {show: false},
       })),
     ],
-    hooks: {draw: [(chart) => drawMarks(chart, props)]},
+    hooks: {
+      drawClear: [(chart) => drawTrials(chart, props.markers?.(), present)],
+      draw: [
+        (chart) => drawMarks(chart, props),
+        (chart) => drawMarkers(chart, props.markers?.(), present),
+      ],
+    },
   };
 }
 
@@ -130,6 +146,51 @@ function drawMarks(chart: uPlot, props: Props): void {
   }
 }
 
+/** Trials are bands behind the curves. */
+function drawTrials(chart: uPlot, list: MarkerList | undefined, present: Present): void {
+  const {left, top, width, height} = chart.bbox;
+  const context = chart.ctx;
+  context.save();
+  context.fillStyle = colour('accent-soft');
+  for (const trial of list?.trials.peek() ?? []) {
+    const endS = trial.endNs === null ? 0 : trial.endNs / 1e9 - present.nowS;
+    const from = Math.max(chart.valToPos(trial.beginNs / 1e9 - present.nowS, 'x', true), left);
+    const to = Math.min(chart.valToPos(endS, 'x', true), left + width);
+    if (from < to) context.fillRect(from, top, to - from, height);
+  }
+  context.restore();
+}
+
+/** Lines at the markers; a label that would cover the one before is left out. */
+function drawMarkers(chart: uPlot, list: MarkerList | undefined, present: Present): void {
+  const {left, top, width, height} = chart.bbox;
+  const context = chart.ctx;
+  const size = 12 * devicePixelRatio;
+  const gap = 4 * devicePixelRatio;
+  let coveredTo = left;
+  context.save();
+  context.strokeStyle = context.fillStyle = colour('accent');
+  context.lineWidth = devicePixelRatio;
+  context.font = `${size}px system-ui, sans-serif`;
+  context.textBaseline = 'top';
+  for (const marker of list?.rows.peek() ?? []) {
+    const x = chart.valToPos(marker.timeNs / 1e9 - present.nowS, 'x', true);
+    if (!(x >= left && x <= left + width)) continue;
+    context.beginPath();
+    context.moveTo(x, top);
+    context.lineTo(x, top + height);
+    context.stroke();
+    const label = marker.label.length > 24 ? `${marker.label.slice(0, 23)}…` : marker.label;
+    const textWidth = context.measureText(label).width;
+    // Near the right end it is at the left of its line.
+    const begin = x + gap + textWidth > left + width ? x - gap - textWidth : x + gap;
+    if (begin < coveredTo) continue;
+    context.fillText(label, begin, top + gap);
+    coveredTo = begin + textWidth + gap;
+  }
+  context.restore();
+}
+
 /** Curves over the last seconds, with their newest values. */
 export function StripChart(props: Props) {
   const holder = useRef<HTMLDivElement>(null);
@@ -144,8 +205,9 @@ export function StripChart(props: Props) {
     const target = holder.current;
     if (target === null) return undefined;
     const empty: uPlot.AlignedData = [[], ...props.curves.map(() => [])];
+    const present: Present = {nowS: NaN};
     const chart = new uPlot(
-      optionsOf(props, target.clientWidth, target.clientHeight),
+      optionsOf(props, present, target.clientWidth, target.clientHeight),
       empty,
       target,
     );
@@ -157,7 +219,7 @@ export function StripChart(props: Props) {
     const stop = eachFrame((nowMs) => {
       if (nowMs - lastMs < kPaintMs) return;
       lastMs = nowMs;
-      paint(chart, latest.current, values.current, figure.current);
+      paint(chart, latest.current, present, values.current, figure.current);
     });
     return () => {
       stop();
@@ -195,6 +257,7 @@ export function StripChart(props: Props) {
 function paint(
   chart: uPlot,
   props: Props,
+  present: Present,
   values: HTMLElement | null,
   figure: HTMLElement | null,
 ): void {
@@ -204,6 +267,7 @@ function paint(
     chart.setData([[], ...props.curves.map(() => [])]);
     return;
   }
+  present.nowS = source.endS - (source.offsetS ?? 0);
   const picked = props.curves.map((curve) => curve.column);
   const columns = source.series.window(source.endS, props.windowS, picked, kPointMax, props.gapS);
   if (props.factor !== 1) {

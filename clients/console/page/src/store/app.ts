@@ -10,6 +10,7 @@ import {Commands} from './commands';
 import {Feeds} from './feeds';
 import {Link} from './link';
 import {Log} from './log';
+import {Markers, type MarkerList} from './markers';
 import {Motion} from './motion';
 import {Recordings} from './recordings';
 import {Series} from './series';
@@ -33,6 +34,7 @@ export class App {
   readonly commands: Commands;
   readonly stop: Stop;
   readonly log: Log;
+  readonly markers: Markers;
   readonly recordings: Recordings;
   /** The views show the recording that is open, instead of the live system. */
   readonly showsReplay: Signal<boolean> = signal(false);
@@ -63,6 +65,7 @@ export class App {
     this.commands = new Commands(link);
     this.stop = new Stop(link, nowMs);
     this.log = new Log(link);
+    this.markers = new Markers(link, () => this.consoleMs(), nowMs);
     this.recordings = new Recordings(link);
     const names = computed(() => this.devices.value.map((one) => one.name));
     const joined = computed(() => names.value.join('\n'));
@@ -94,6 +97,11 @@ export class App {
   /** The motion that the views show. */
   get shown(): Motion {
     return this.showsReplay.value ? this.replayed : this.live;
+  }
+
+  /** The markers that belong to it. */
+  get shownMarkers(): MarkerList {
+    return this.showsReplay.value ? this.markers.replayed : this.markers.live;
   }
 
   /** The form of an object's parameters: always the same one, so that drafts stay. */

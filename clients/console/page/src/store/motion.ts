@@ -27,6 +27,8 @@ export class Track {
   touch: Touch | null = null;
   /** When they came, by the page's own clock. */
   sampleMs = -Infinity;
+  /** The samples' clock minus the console's. */
+  offsetS = 0;
   touchMs = -Infinity;
   private readonly row = new Float64Array(kColumnCount);
 
@@ -45,10 +47,10 @@ export class Track {
       this.row[kColumn.analog + i] = sample.analogs[i] ?? NaN;
     }
     // The way here takes now longer, now shorter: the measurement's own time draws true curves.
-    this.series.push(
-      sample.hostTimeS > 0 ? sample.hostTimeS : Number(message.timeNs) / 1e9,
-      this.row,
-    );
+    const consoleS = Number(message.timeNs) / 1e9;
+    const timeS = sample.hostTimeS > 0 ? sample.hostTimeS : consoleS;
+    this.offsetS = timeS - consoleS;
+    this.series.push(timeS, this.row);
   }
 
   takeTouch(message: Message, nowMs: number): void {

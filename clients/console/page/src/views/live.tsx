@@ -141,10 +141,11 @@ function sourceOf(
   if (track === null) return null;
   const lastS = track.series.lastS;
   if (lastS === null) return null;
-  if (isReplay) return {series: track.series, endS: lastS, isFresh: true};
+  const {series, offsetS} = track;
+  if (isReplay) return {series, offsetS, endS: lastS, isFresh: true};
   // A lost connection stops the charts where they were.
   const endS = isLinked ? (track.endS(nowMs) ?? lastS) : lastS;
-  return {series: track.series, endS, isFresh: isLinked && nowMs - track.sampleMs <= kStaleMs};
+  return {series, offsetS, endS, isFresh: isLinked && nowMs - track.sampleMs <= kStaleMs};
 }
 
 /** A hundredth of the widest range, in the shown unit: noise does not fill the chart. */
@@ -162,7 +163,8 @@ interface ChartsProps {
 
 function Charts({name, device, hasMotion, source}: ChartsProps) {
   const app = useApp();
-  const common = {windowS: windowS.value, gapS: kGapS, source, factor: 1};
+  const markers = () => app.shownMarkers;
+  const common = {windowS: windowS.value, gapS: kGapS, source, factor: 1, markers};
   const latency = (): ChartSource | null => {
     const series = app.latencySeries.get(name);
     const lastS = series?.lastS ?? null;
