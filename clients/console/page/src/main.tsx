@@ -9,6 +9,7 @@ import {Shell} from './views/shell';
 import './styles/tokens.css';
 import './styles/base.css';
 import './styles/parts.css';
+import './styles/header.css';
 import './styles/views.css';
 import 'uplot/dist/uPlot.min.css';
 

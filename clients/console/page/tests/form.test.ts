@@ -78,7 +78,7 @@ describe('what is typed', () => {
     ['safety.ramp_s', '0.021', '0.021 is above the range: 0 to 0.02 s.'],
     ['safety.ramp_s', '-1', '-1 is below the range: 0 to 0.02 s.'],
     ['safety.ramp_s', '', 'Type a number.'],
-    ['safety.ramp_s', '0,01', 'is not a number'],
+    ['safety.ramp_s', '1,500', 'is not a number'],
     ['safety.ramp_s', '0x1', 'is not a number'],
     ['safety.ramp_s', '1e999', 'too large'],
     ['velocity.cycle_count', '2.5', 'Type a whole number.'],

@@ -1,6 +1,7 @@
 import {describe, expect, it} from 'vitest';
 import {directionOf} from '../src/model/sample';
 import {byUnit, shownScale} from '../src/model/scale';
+import {chooseAngle} from '../src/store/settings';
 import {sensesPlace, sensesTurn, type Device} from '../src/model/state';
 
 describe('scales', () => {
@@ -20,9 +21,19 @@ describe('scales', () => {
   it('leave other units and unknown ranges as they are', () => {
     expect(shownScale({unit: 'Hz', low: 0, high: 4}).unit).toBe('Hz');
     expect(shownScale({unit: '1', low: 0, high: 1}).unit).toBe('');
-    expect(shownScale({unit: 'rad', low: -0.1, high: 0.1})).toMatchObject({unit: 'rad', factor: 1});
+    expect(shownScale({unit: 'rad', low: -1, high: 1}).unit).toBe('°');
     expect(shownScale({unit: 'S', low: 0, high: 0})).toMatchObject({unit: 'S', factor: 1});
     expect(shownScale({unit: 'm', low: -Infinity, high: Infinity}).unit).toBe('m');
+  });
+
+  it('show angles as chosen, whichever way they were measured', () => {
+    expect(shownScale({unit: 'rad/s', low: -1, high: 1}).factor).toBeCloseTo(57.3, 1);
+    chooseAngle('radians');
+    expect(shownScale({unit: 'rad', low: -1, high: 1})).toMatchObject({unit: 'rad', factor: 1});
+    const degrees = shownScale({unit: '°', low: -180, high: 180});
+    expect(degrees).toMatchObject({unit: 'rad', digits: 3});
+    expect(degrees.factor).toBeCloseTo(0.01745, 5);
+    chooseAngle('degrees');
   });
 
   it('share an axis only within a unit', () => {

@@ -1,10 +1,16 @@
 import {useEffect, useRef} from 'preact/hooks';
 import {eachFrame} from '../store/frames';
 import {kColumn} from '../store/motion';
+import {fixed} from '../parts/text';
+import {angle} from '../store/settings';
+import {texts} from '../texts/texts';
 import type {ChartSource} from './strip_chart';
 
 const kRangeDeg = 30;
-const kRings = [10, 20, 30];
+const kRingsDeg = {
+  degrees: [10, 20, 30],
+  radians: [0.1, 0.3, 0.5].map((one) => (one * 180) / Math.PI),
+};
 const kTrailS = 1;
 const kTrailMax = 60;
 
@@ -14,19 +20,20 @@ export function DirectionView({source}: {source: () => ChartSource | null}) {
   const trail = useRef<SVGPolylineElement>(null);
   const latest = useRef(source);
   latest.current = source;
+  const isRadians = angle.value === 'radians';
   useEffect(() => eachFrame(() => paint(latest.current(), dot.current, trail.current)), []);
   return (
     <figure class="direction" data-testid="direction">
       <svg
         viewBox={`${-kRangeDeg - 3} ${-kRangeDeg - 3} ${2 * kRangeDeg + 6} ${2 * kRangeDeg + 6}`}
         role="img"
-        aria-label="Where it points; the numbers are beside"
+        aria-label={texts.value.space.direction}
       >
-        {kRings.map((ring) => (
+        {kRingsDeg[angle.value].map((ring) => (
           <g key={ring}>
             <circle class="ring" r={ring} />
             <text x={0.5} y={-ring - 0.6}>
-              {ring}°
+              {isRadians ? `${fixed((ring * Math.PI) / 180, 1)} rad` : `${ring}°`}
             </text>
           </g>
         ))}

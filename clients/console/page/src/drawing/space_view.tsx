@@ -6,17 +6,13 @@ import type {Motion} from '../store/motion';
 import {eachFrame} from '../store/frames';
 import {colour, themeVersion} from '../store/theme';
 import {fixed} from '../parts/text';
+import {texts} from '../texts/texts';
 import type {Room, Space, ViewName} from './space';
 
 const kAssumedM = 0.1;
 const kAssumedNewton = 5;
 const kTurnDegrees = 10;
-const kViews: readonly {readonly value: ViewName; readonly label: string}[] = [
-  {value: 'corner', label: 'Corner'},
-  {value: 'front', label: 'Front'},
-  {value: 'side', label: 'Side'},
-  {value: 'top', label: 'Top'},
-];
+const kViews: readonly ViewName[] = ['corner', 'front', 'side', 'top'];
 
 export function roomOf(device: Device | null): Room {
   const low = device?.workspaceLowM ?? [];
@@ -61,6 +57,7 @@ export function SpaceView(props: Props) {
   const room = roomOf(props.device);
   const roomKey = JSON.stringify(room);
   const version = themeVersion.value;
+  const words = texts.value.space;
 
   useEffect(() => {
     const target = canvas.current;
@@ -117,26 +114,28 @@ export function SpaceView(props: Props) {
         class="space-canvas"
         tabIndex={0}
         role="img"
-        aria-label={`3-D view of ${props.name}; arrow keys turn it, plus and minus zoom`}
+        aria-label={words.view(props.name)}
         onKeyDown={onKeyDown}
       />
       <div ref={label} class="space-label" hidden />
       <div ref={facts} class="space-facts" data-testid="space-facts" />
       {problem !== '' && (
         <p class="space-problem" role="status">
-          The 3-D view does not start: {problem}. It needs WebGL. The numbers are correct.
+          {words.problem(problem)}
         </p>
       )}
       <div class="space-legend" aria-hidden="true">
-        <span class="key key-tool">tool</span>
-        <span class="key key-proxy">proxy</span>
-        <span class="key key-wall">touched</span>
-        {perNewton > 0 && <span class="key key-force">force, {fixed(perNewton, 1)} mm = 1 N</span>}
+        <span class="key key-tool">{words.tool}</span>
+        <span class="key key-proxy">{words.proxy}</span>
+        <span class="key key-wall">{words.touched}</span>
+        {perNewton > 0 && (
+          <span class="key key-force">{words.forceScale(fixed(perNewton, 1))}</span>
+        )}
       </div>
-      <div class="space-views" role="group" aria-label="Viewpoint">
+      <div class="space-views" role="group" aria-label={words.viewpoint}>
         {kViews.map((view) => (
-          <button type="button" key={view.value} onClick={() => space.current?.look(view.value)}>
-            {view.label}
+          <button type="button" key={view} onClick={() => space.current?.look(view)}>
+            {words[view]}
           </button>
         ))}
       </div>
@@ -172,8 +171,8 @@ function paint(
 }
 
 function factsOf(positionM: Vector3 | null, isFresh: boolean, hasTouch: boolean): string {
-  if (positionM === null) return 'no samples yet';
-  if (!isFresh) return 'last known position; not live';
+  if (positionM === null) return texts.value.space.noSamples;
+  if (!isFresh) return texts.value.space.lastKnown;
   const [x, y, z] = positionM.map((one) => fixed(1000 * one, 1).padStart(6, '\u2007'));
-  return `x${x}   y${y}   z${z}   mm${hasTouch ? '' : '   (no force node)'}`;
+  return `x${x}   y${y}   z${z}   mm${hasTouch ? '' : `   ${texts.value.space.noForceNode}`}`;
 }

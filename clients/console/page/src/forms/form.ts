@@ -9,7 +9,9 @@ import {
   type Answer,
   type Parameter,
   type ParameterList,
+  type Value,
 } from './parameter';
+import {texts} from '../texts/texts';
 import {check, lockOf, valueText} from './validate';
 
 /** Calls a method of an object's configuration, such as `list`. Rejects with an Error. */
@@ -18,7 +20,7 @@ export type CallConfig = (method: string, request: Json) => Promise<Json>;
 export interface Draft {
   readonly text: string;
   /** The value that the operator saw when the typing began. */
-  readonly base: string;
+  readonly base: Value;
 }
 
 export interface Verdict {
@@ -72,7 +74,7 @@ export class Form {
 
   type(parameter: Parameter, text: string): void {
     const drafts = new Map(this.drafts.value);
-    const base = drafts.get(parameter.name)?.base ?? valueText(parameter.value);
+    const base = drafts.get(parameter.name)?.base ?? parameter.value;
     if (text === valueText(parameter.value)) drafts.delete(parameter.name);
     else drafts.set(parameter.name, {text, base});
     this.drafts.value = drafts;
@@ -97,9 +99,8 @@ export class Form {
   /** Another client changed the parameter while something was typed here. */
   conflictOf(parameter: Parameter): string | null {
     const draft = this.drafts.value.get(parameter.name);
-    const now = valueText(parameter.value);
-    if (draft === undefined || draft.base === now) return null;
-    return `Changed elsewhere meanwhile, from ${draft.base} to ${now}.`;
+    if (draft === undefined || isSame(draft.base, parameter.value)) return null;
+    return texts.value.form.changedElsewhere(valueText(draft.base), valueText(parameter.value));
   }
 
   async apply(): Promise<void> {
@@ -113,7 +114,7 @@ export class Form {
     const names = changes.map((one) => one.name);
     await this.change('apply', {revision: list.revision, settings}, () => {
       this.discard(names);
-      this.tell(true, `Applied ${count(names.length, 'change')} to ${this.name}.`);
+      this.tell(true, texts.value.form.applied(names.length, this.name));
     });
   }
 
@@ -127,16 +128,14 @@ export class Form {
       this.tell(
         true,
         names === null
-          ? 'All parameters have their defaults.'
-          : `${names.join(', ')} ${names.length === 1 ? 'has its default' : 'have their defaults'}.`,
+          ? texts.value.form.allDefaults
+          : texts.value.form.defaults(names.join(', '), names.length),
       );
     });
   }
 
   async save(): Promise<void> {
-    await this.change('save', {}, () =>
-      this.tell(true, 'Saved for the next start of the device server.'),
-    );
+    await this.change('save', {}, () => this.tell(true, texts.value.form.saved));
   }
 
   private isChanged(parameter: Parameter): boolean {
@@ -169,11 +168,7 @@ export class Form {
   private async refuse(answer: Answer): Promise<void> {
     await this.refresh();
     if (answer.outcome === 'StaleRevision') {
-      this.tell(
-        false,
-        'Nothing was changed: another client changed parameters first. The values ' +
-          'above are the present ones; what you typed is kept. Check it, and apply again.',
-      );
+      this.tell(false, texts.value.form.stale);
       return;
     }
     // A refusal of several together names them in its words.
@@ -183,7 +178,7 @@ export class Form {
         ? [answer.parameter]
         : [...this.drafts.value.keys()].filter((name) => words.includes(name));
     this.refusals.value = new Map(names.map((name) => [name, words]));
-    this.tell(false, `Nothing was changed: ${words}`);
+    this.tell(false, texts.value.form.refused(words));
   }
 
   private tell(isGood: boolean, words: string): void {
@@ -206,10 +201,6 @@ function isAlike(a: ParameterList, b: ParameterList | null): boolean {
     a.isPersistent === b.isPersistent &&
     a.parameters.length === b.parameters.length
   );
-}
-
-export function count(number: number, noun: string): string {
-  return `${number} ${noun}${number === 1 ? '' : 's'}`;
 }
 
 /** The names of objects that have parameters, by the services that the console offers. */

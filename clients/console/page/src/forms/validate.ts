@@ -1,3 +1,5 @@
+import {parsed, plain, separator} from '../parts/text';
+import {texts} from '../texts/texts';
 import type {Parameter, Value} from './parameter';
 
 /** What is typed into a form, before anything is sent. */
@@ -6,20 +8,10 @@ export type Checked =
   | {readonly isValid: true; readonly value: Value}
   | {readonly isValid: false; readonly problem: string};
 
-const kReal = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
 const kWhole = /^[+-]?\d+$/;
 
 function wrong(problem: string): Checked {
   return {isValid: false, problem};
-}
-
-/** A number as people read it: no more digits than it has. */
-export function numberText(value: number | bigint): string {
-  if (typeof value === 'bigint') return value.toString();
-  if (!Number.isFinite(value)) return value > 0 ? '∞' : value < 0 ? '−∞' : 'not a number';
-  const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-4 || size >= 1e7)) return value.toExponential().replace('e+', 'e');
-  return String(Number(value.toPrecision(12)));
 }
 
 function unitOf(parameter: Parameter): string {
@@ -29,56 +21,70 @@ function unitOf(parameter: Parameter): string {
 /** "0 to 0.5 s", "at least 0 m"; empty where any number will do. */
 export function rangeText(parameter: Parameter): string {
   if (!['Integer', 'Real', 'Vector'].includes(parameter.type)) return '';
+  const words = texts.value.checks;
   const {low, high} = parameter;
   const unit = unitOf(parameter);
   if (Number.isFinite(low) && Number.isFinite(high)) {
-    return `${numberText(low)} to ${numberText(high)}${unit}`;
+    return `${words.range(plain(low), plain(high))}${unit}`;
   }
-  if (Number.isFinite(low)) return `at least ${numberText(low)}${unit}`;
-  return Number.isFinite(high) ? `at most ${numberText(high)}${unit}` : '';
+  if (Number.isFinite(low)) return `${words.atLeast(plain(low))}${unit}`;
+  return Number.isFinite(high) ? `${words.atMost(plain(high))}${unit}` : '';
 }
 
 /** What a field shows of a value, and what `check` reads back. */
 export function valueText(value: Value): string {
-  if (typeof value === 'object') return value.map(numberText).join(', ');
-  if (typeof value === 'number' || typeof value === 'bigint') return numberText(value);
+  if (typeof value === 'object') return value.map(plain).join(separator());
+  if (typeof value === 'number' || typeof value === 'bigint') return plain(value);
   return String(value);
 }
 
 function checkRange(parameter: Parameter, value: number): string | null {
   if (value >= parameter.low && value <= parameter.high) return null;
-  const side = value < parameter.low ? 'below' : 'above';
-  return `${numberText(value)} is ${side} the range: ${rangeText(parameter)}`;
+  const words = texts.value.checks;
+  const say = value < parameter.low ? words.below : words.above;
+  return say(plain(value), rangeText(parameter));
 }
 
 function checkReal(parameter: Parameter, draft: string): Checked {
+  const words = texts.value.checks;
   const typed = draft.trim();
-  if (typed === '') return wrong('Type a number.');
-  if (!kReal.test(typed)) return wrong(`“${typed}” is not a number. Write it like 0.25 or 2.5e-3.`);
-  const value = Number(typed);
-  if (!Number.isFinite(value)) return wrong(`${typed} is too large for a number.`);
+  if (typed === '') return wrong(words.typeNumber);
+  const value = parsed(typed);
+  if (value === null) return wrong(words.noNumber(typed, plain(0.25), plain(1500)));
+  if (!Number.isFinite(value)) return wrong(words.tooLarge(typed));
   const problem = checkRange(parameter, value);
-  return problem === null ? {isValid: true, value} : wrong(`${problem}.`);
+  return problem === null ? {isValid: true, value} : wrong(problem);
 }
 
 function checkWhole(parameter: Parameter, draft: string): Checked {
   const typed = draft.trim();
-  if (!kWhole.test(typed)) return wrong('Type a whole number.');
+  if (!kWhole.test(typed)) return wrong(texts.value.checks.typeWhole);
   const near = Number(typed);
   const problem = checkRange(parameter, near);
-  if (problem !== null) return wrong(`${problem}.`);
+  if (problem !== null) return wrong(problem);
   return {isValid: true, value: Number.isSafeInteger(near) ? near : BigInt(typed)};
 }
 
+/**
+ * The elements of a vector as typed. A comma in front of a space parts them in every format; one
+ * between digits is the decimal mark, unless the mark is the point and nothing else parts them.
+ */
+function elementsOf(draft: string): string[] {
+  const parts = draft.split(/;|,\s|\s|,$/).filter((part) => part.trim() !== '');
+  const isAlone = parts.length === 1 && separator().startsWith(',');
+  return isAlone ? draft.split(',').filter((part) => part.trim() !== '') : parts;
+}
+
 function checkVector(parameter: Parameter, draft: string): Checked {
-  const parts = draft.split(/[,;\s]+/).filter((part) => part !== '');
+  const words = texts.value.checks;
+  const parts = elementsOf(draft);
   if (parts.length !== parameter.vectorSize) {
-    return wrong(`Type ${parameter.vectorSize} numbers; there are ${parts.length}.`);
+    return wrong(words.typeNumbers(parameter.vectorSize, parts.length));
   }
   const values: number[] = [];
   for (const [i, part] of parts.entries()) {
     const one = checkReal(parameter, part);
-    if (!one.isValid) return wrong(`Number ${i + 1}: ${one.problem}`);
+    if (!one.isValid) return wrong(words.element(i + 1, one.problem));
     values.push(one.value as number);
   }
   return {isValid: true, value: values};
@@ -98,7 +104,7 @@ export function check(parameter: Parameter, draft: string): Checked {
     case 'Choice':
       return parameter.choices.includes(draft)
         ? {isValid: true, value: draft}
-        : wrong(`Choose one of: ${parameter.choices.join(', ')}.`);
+        : wrong(texts.value.checks.chooseOne(parameter.choices.join(', ')));
     case 'Text':
       return {isValid: true, value: draft};
   }
@@ -106,9 +112,7 @@ export function check(parameter: Parameter, draft: string): Checked {
 
 /** Why the parameter can't change now; null: it can. */
 export function lockOf(parameter: Parameter, isActive: boolean): string | null {
-  if (parameter.mutability === 'ReadOnly') return 'Read only';
-  if (parameter.mutability === 'Inactive' && isActive) {
-    return 'Changes only while the device is inactive: deactivate it first';
-  }
+  if (parameter.mutability === 'ReadOnly') return texts.value.checks.readOnly;
+  if (parameter.mutability === 'Inactive' && isActive) return texts.value.checks.onlyInactive;
   return null;
 }

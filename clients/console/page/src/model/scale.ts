@@ -1,3 +1,4 @@
+import {angle, type Angle} from '../store/settings';
 import type {Scale} from './state';
 
 /** How the values of a channel are shown: 5e-6 S as 5.00 µS. */
@@ -17,9 +18,26 @@ const kPrefixes = [
   {prefix: 'n', factor: 1e9},
 ] as const;
 
+/** Units of angles, and of what is made of them, as they were measured and as they are shown. */
+const kAngles: readonly Readonly<Record<Angle, string>>[] = [
+  {degrees: '°', radians: 'rad'},
+  {degrees: '°/s', radians: 'rad/s'},
+  {degrees: '°/s²', radians: 'rad/s²'},
+];
+
+/** The unit of an angle as chosen, and the factor to it. */
+function shownAngle(unit: string): {readonly unit: string; readonly factor: number} {
+  const written = unit.replace('deg', '°').replace('s^2', 's²');
+  const wanted = angle.value;
+  const pair = kAngles.find((one) => one.degrees === written || one.radians === written);
+  if (pair === undefined || pair[wanted] === written) return {unit, factor: 1};
+  return {unit: pair[wanted], factor: wanted === 'degrees' ? 180 / Math.PI : Math.PI / 180};
+}
+
 /** By the channel's range, so that its unit stays the same whatever the value. */
-export function shownScale({unit, low, high}: Pick<Scale, 'unit' | 'low' | 'high'>): ShownScale {
-  const range = Math.max(Math.abs(low), Math.abs(high));
+export function shownScale(scale: Pick<Scale, 'unit' | 'low' | 'high'>): ShownScale {
+  const {unit, factor} = shownAngle(scale.unit);
+  const range = Math.max(Math.abs(scale.low), Math.abs(scale.high)) * factor;
   const isUsable = Number.isFinite(range) && range > 0;
   const chosen =
     isUsable && kPrefixed.has(unit)
@@ -28,7 +46,7 @@ export function shownScale({unit, low, high}: Pick<Scale, 'unit' | 'low' | 'high
   const shown = isUsable ? range * chosen.factor : 1;
   return {
     unit: unit === '1' ? '' : `${chosen.prefix}${unit}`,
-    factor: chosen.factor,
+    factor: factor * chosen.factor,
     digits: Math.min(3, Math.max(0, 3 - Math.floor(Math.log10(shown)))),
   };
 }

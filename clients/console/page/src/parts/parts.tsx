@@ -1,5 +1,6 @@
 import type {ComponentChildren, JSX} from 'preact';
 import {useEffect, useRef, useState} from 'preact/hooks';
+import {texts} from '../texts/texts';
 
 /** The small parts of which the views are made. */
 
@@ -18,7 +19,7 @@ interface CardProps {
 }
 
 let lastId = 0;
-function useId(prefix: string): string {
+export function useId(prefix: string): string {
   return useState(() => `${prefix}-${++lastId}`)[0];
 }
 
@@ -100,7 +101,7 @@ export function Confirm(props: ConfirmProps) {
       <p>{props.question}</p>
       <div class="row">
         <button ref={first} type="button" onClick={() => setAsking(false)}>
-          Cancel
+          {texts.value.parts.cancel}
         </button>
         <button type="button" class="strong" disabled={props.disabled} onClick={act}>
           {props.confirm}

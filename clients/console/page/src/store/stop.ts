@@ -89,5 +89,3 @@ export class Stop {
 export function isStopKey(event: KeyboardEvent): boolean {
   return event.code === 'Space' && event.ctrlKey && event.shiftKey && !event.altKey;
 }
-
-export const kStopKeyText = 'Ctrl+Shift+Space';

@@ -3,6 +3,7 @@ import {useApp} from '../store/app';
 import {isOver, type Calibration, type Run} from '../store/calibration';
 import {valueText} from '../forms/validate';
 import {Card, Confirm, Empty, Notice} from '../parts/parts';
+import {texts, type Texts} from '../texts/texts';
 
 interface Props {
   name: string;
@@ -30,7 +31,7 @@ export function CalibrationPanel({name, isOpen, setOpen}: Props) {
     requestAnimationFrame(() => opener.current?.focus());
   };
   return (
-    <Card title="Calibration" class="calibration">
+    <Card title={texts.value.calibration.title} class="calibration">
       {isShown ? (
         <Dialogue
           calibration={calibration}
@@ -39,7 +40,7 @@ export function CalibrationPanel({name, isOpen, setOpen}: Props) {
         />
       ) : (
         <button ref={opener} type="button" onClick={() => setOpen(true)}>
-          Calibrate {name}
+          {texts.value.calibration.open(name)}
         </button>
       )}
     </Card>
@@ -62,7 +63,7 @@ function Dialogue({calibration, isUsable, onClose}: DialogueProps) {
       ref={box}
       class="dialogue"
       role="dialog"
-      aria-label="Calibration"
+      aria-label={texts.value.calibration.title}
       tabIndex={-1}
       onKeyDown={(event) => {
         if (event.key === 'Escape' && (run === null || isOver(run.phase))) onClose();
@@ -85,7 +86,7 @@ function Dialogue({calibration, isUsable, onClose}: DialogueProps) {
 function Offers({calibration, isUsable, onClose}: DialogueProps) {
   return (
     <>
-      {calibration.offers.value.length === 0 && <Empty>It offers no calibration.</Empty>}
+      {calibration.offers.value.length === 0 && <Empty>{texts.value.calibration.none}</Empty>}
       <ul class="offers">
         {calibration.offers.value.map((offer) => (
           <li key={offer.name}>
@@ -98,28 +99,29 @@ function Offers({calibration, isUsable, onClose}: DialogueProps) {
               disabled={!isUsable}
               onClick={() => void calibration.start(offer.name)}
             >
-              Start
+              {texts.value.calibration.start}
             </button>
           </li>
         ))}
       </ul>
       <button type="button" onClick={onClose}>
-        Close
+        {texts.value.parts.close}
       </button>
     </>
   );
 }
 
-const kPhaseWords: Readonly<Record<Run['phase'], string>> = {
-  Running: 'Running',
-  Prompt: 'Waits for you',
-  Done: 'Done: keep the result?',
-  Failed: 'Failed',
-  Kept: 'The result is in force',
-  Discarded: 'Discarded',
-};
+const kPhaseWords = {
+  Running: 'running',
+  Prompt: 'prompt',
+  Done: 'done',
+  Failed: 'failed',
+  Kept: 'kept',
+  Discarded: 'discarded',
+} as const satisfies Readonly<Record<Run['phase'], keyof Texts['calibration']>>;
 
 function Running({calibration, isUsable, onClose, run}: DialogueProps & {run: Run}) {
+  const words = texts.value.calibration;
   const percent = Math.round(100 * run.progress);
   return (
     <>
@@ -127,15 +129,15 @@ function Running({calibration, isUsable, onClose, run}: DialogueProps & {run: Ru
         <code>{run.name}</code>{' '}
         <b>
           {run.phase === 'Kept' && calibration.isSaved.value
-            ? 'The result is kept and saved'
-            : kPhaseWords[run.phase]}
+            ? words.keptAndSaved
+            : words[kPhaseWords[run.phase]]}
         </b>
       </p>
       {(run.phase === 'Running' || run.phase === 'Prompt') && (
         <div
           class="progress"
           role="progressbar"
-          aria-label="Progress"
+          aria-label={words.progress}
           aria-valuenow={percent}
           aria-valuemin={0}
           aria-valuemax={100}
@@ -156,9 +158,7 @@ function Running({calibration, isUsable, onClose, run}: DialogueProps & {run: Ru
           ))}
         </dl>
       )}
-      {run.phase === 'Done' && (
-        <p class="quiet small">Saves the device's other changed parameters, too.</p>
-      )}
+      {run.phase === 'Done' && <p class="quiet small">{words.savesOthers}</p>}
       <div class="row">
         {run.phase === 'Prompt' &&
           run.answers.map((answer, i) => (
@@ -179,21 +179,21 @@ function Running({calibration, isUsable, onClose, run}: DialogueProps & {run: Ru
             disabled={!isUsable}
             onClick={() => void calibration.keep()}
           >
-            Keep and save
+            {words.keep}
           </button>
         )}
         {!isOver(run.phase) && (
           <Confirm
-            label={run.phase === 'Done' ? 'Discard' : 'Cancel'}
+            label={run.phase === 'Done' ? words.discard : texts.value.parts.cancel}
             disabled={!isUsable}
-            confirm="Discard"
-            question="The result of this calibration is lost."
+            confirm={words.discard}
+            question={words.discardQuestion}
             onConfirm={() => void calibration.discard()}
           />
         )}
         {isOver(run.phase) && (
           <button type="button" onClick={onClose}>
-            Close
+            {texts.value.parts.close}
           </button>
         )}
       </div>

@@ -3,6 +3,7 @@ import {useApp} from '../store/app';
 import type {FilterFault, LogRow} from '../store/log';
 import {Card, Empty, Notice} from '../parts/parts';
 import {thousands, timeOfDay} from '../parts/text';
+import {texts} from '../texts/texts';
 
 const kExamples = [
   'type(rtpm.device.ButtonChanged, rtpm.device.ContactChanged)',
@@ -14,6 +15,7 @@ const kExamples = [
 export function EventsView() {
   const app = useApp();
   const {log} = app;
+  const words = texts.value.events;
   const [draft, setDraft] = useState(log.filter.value ?? kExamples[0] ?? 'all');
   const isUsable = app.isLive.value && app.link.services.value.has('console/log_filter');
   const submit = (event: Event) => {
@@ -22,10 +24,10 @@ export function EventsView() {
   };
   return (
     <div class="events">
-      <Card title="Filter">
+      <Card title={words.filter}>
         <form class="filter" onSubmit={submit}>
           <label for="filter">
-            Which events? <span class="quiet">Choose one below, or type.</span>
+            {words.which} <span class="quiet">{words.choose}</span>
           </label>
           <div class="input-row">
             <input
@@ -40,7 +42,7 @@ export function EventsView() {
               onInput={(event) => setDraft(event.currentTarget.value)}
             />
             <button type="submit" class="strong" disabled={!isUsable}>
-              Show
+              {words.show}
             </button>
           </div>
           <div id="filter-fault" aria-live="polite">
@@ -86,6 +88,7 @@ function LogCard() {
   const {log} = app;
   const list = useRef<HTMLDivElement>(null);
   const rows = log.rows.value;
+  const words = texts.value.events;
   const isAtEnd = useRef(true);
   useEffect(() => {
     const target = list.current;
@@ -100,51 +103,47 @@ function LogCard() {
     <div class="row">
       <span class="quiet small">
         {log.filter.value === null
-          ? 'no filter set'
-          : `${thousands(log.count.value)} ${log.count.value === 1 ? 'event' : 'events'}`}
+          ? words.noFilter
+          : words.count(log.count.value, thousands(log.count.value))}
       </span>
       <button
         type="button"
         aria-pressed={log.isPaused.value}
         onClick={() => (log.isPaused.value = !log.isPaused.value)}
       >
-        Pause
+        {words.pause}
       </button>
       <button type="button" disabled={log.filter.value === null} onClick={() => void log.set(null)}>
-        End
+        {words.end}
       </button>
       <button type="button" onClick={() => log.clear()}>
-        Clear
+        {words.clear}
       </button>
     </div>
   );
   return (
-    <Card title="Events" aside={head} class="log-card">
+    <Card title={words.title} aside={head} class="log-card">
       {rows.length === 0 ? (
-        <Empty>
-          {log.filter.value === null
-            ? 'Set a filter to see events.'
-            : 'Nothing has passed the filter yet.'}
-        </Empty>
+        <Empty>{log.filter.value === null ? words.setFilter : words.nothingYet}</Empty>
       ) : (
         <div
           ref={list}
           class="log scroll"
           tabIndex={0}
           role="region"
-          aria-label="Events, newest last"
+          aria-label={words.newestLast}
           onScroll={onScroll}
         >
           <table>
             <thead>
               <tr>
-                <th scope="col">Time</th>
-                <th scope="col">Type</th>
-                <th scope="col">From</th>
+                <th scope="col">{words.time}</th>
+                <th scope="col">{words.type}</th>
+                <th scope="col">{words.from}</th>
                 <th scope="col" class="number">
-                  Number
+                  {words.number}
                 </th>
-                <th scope="col">Payload</th>
+                <th scope="col">{words.payload}</th>
               </tr>
             </thead>
             <tbody>
@@ -163,7 +162,7 @@ function Row({row}: {row: LogRow}) {
   if (row.type === '') {
     return (
       <tr class="omitted">
-        <td colSpan={5}>{thousands(row.omittedCount)} events left out</td>
+        <td colSpan={5}>{texts.value.events.omitted(thousands(row.omittedCount))}</td>
       </tr>
     );
   }

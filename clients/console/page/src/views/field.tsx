@@ -3,6 +3,7 @@ import type {Form} from '../forms/form';
 import {isSame, type Parameter} from '../forms/parameter';
 import {lockOf, rangeText, valueText} from '../forms/validate';
 import {Badge} from '../parts/parts';
+import {texts} from '../texts/texts';
 
 interface Props {
   form: Form;
@@ -13,6 +14,7 @@ interface Props {
 export function Field({form, parameter}: Props) {
   const id = useId();
   const list = form.list.value;
+  const words = texts.value.field;
   const lock = lockOf(parameter, list?.isActive ?? false);
   const problem = form.problemOf(parameter);
   const refusal = form.refusals.value.get(parameter.name);
@@ -27,7 +29,7 @@ export function Field({form, parameter}: Props) {
     <div class={`field ${state}`} data-parameter={parameter.name}>
       <label for={id}>
         <code>{shortName}</code>
-        {isTyped && <Badge tone="accent">not applied yet</Badge>}
+        {isTyped && <Badge tone="accent">{words.notApplied}</Badge>}
       </label>
       <p id={`${id}-about`} class="about">
         {parameter.description}
@@ -45,21 +47,21 @@ export function Field({form, parameter}: Props) {
           type="button"
           class="quiet-button"
           disabled={lock !== null || (isDefault && !isTyped)}
-          aria-label={`Type the default of ${parameter.name}`}
+          aria-label={words.typeDefault(parameter.name)}
           onClick={() => form.type(parameter, defaultText)}
         >
-          Default
+          {words.default}
         </button>
       </div>
       <p id={`${id}-range`} class="range">
         {range !== '' && <span>{range}</span>}
-        <span>default {defaultText === '' ? 'empty' : defaultText}</span>
-        {isTyped && <span>now {valueText(parameter.value)}</span>}
+        <span>{words.defaultIs(defaultText === '' ? words.empty : defaultText)}</span>
+        {isTyped && <span>{words.now(valueText(parameter.value))}</span>}
         {lock !== null && <span class="lock">{lock}</span>}
       </p>
       <div id={`${id}-problem`} aria-live="polite">
         {problem !== null && <p class="problem">{problem}</p>}
-        {refusal !== undefined && <p class="problem">Refused: {refusal}</p>}
+        {refusal !== undefined && <p class="problem">{words.refused(refusal)}</p>}
         {conflict !== null && <p class="warn-text">{conflict}</p>}
       </div>
     </div>

@@ -1,18 +1,20 @@
+import {signal} from '@preact/signals';
 import {useApp} from '../store/app';
 import {kViews, writeRoute, type View} from '../store/route';
-import {kStopKeyText} from '../store/stop';
-import {nextTheme, theme} from '../store/theme';
 import {severity} from '../model/state';
+import {Popup} from '../parts/popup';
 import {clock} from '../parts/text';
 import {texts} from '../texts/texts';
 import {worstText} from './device_status';
+import {Settings} from './settings';
 
-const kThemeNames = {system: 'Auto', light: 'Light', dark: 'Dark'} as const;
+/** So narrow that the views are in a menu; also in styles/header.css. */
+const narrow = window.matchMedia('(max-width: 640px)');
+const isNarrow = signal(narrow.matches);
+narrow.addEventListener('change', (event) => (isNarrow.value = event.matches));
 
 export function Header() {
   const app = useApp();
-  const {view, subject} = app.route.value;
-  const subjectOf = (target: View) => (target === 'live' || target === 'parameters' ? subject : '');
   return (
     <header class="header">
       <div class="brand">
@@ -24,59 +26,75 @@ export function Header() {
           <span>{app.link.info.value?.metadata['rtpm.host'] ?? '\u00a0'}</span>
         </div>
       </div>
-      <nav aria-label="Views">
-        {kViews.map((one) => (
-          <a
-            key={one}
-            href={writeRoute(one, subjectOf(one))}
-            {...(one === view ? {'aria-current': 'page' as const} : {})}
-          >
-            {texts.value.views[one]}
-          </a>
-        ))}
-      </nav>
+      <Navigation />
       <div class="standing">
         <LinkStatus />
         <RecordStatus />
-        <button
-          type="button"
-          class="theme"
-          onClick={nextTheme}
-          aria-label={`Colours: ${kThemeNames[theme.value]}; change`}
-        >
-          <svg viewBox="0 0 20 20" aria-hidden="true">
-            <circle cx="10" cy="10" r="7" />
-            <path d="M10 3a7 7 0 0 1 0 14z" />
-          </svg>
-          {kThemeNames[theme.value]}
-        </button>
       </div>
+      <Settings />
       <StopButton />
     </header>
   );
 }
 
+function Navigation() {
+  const {view} = useApp().route.value;
+  const words = texts.value;
+  const links = kViews.map((one) => <ViewLink key={one} to={one} />);
+  return (
+    <nav aria-label={words.header.views}>
+      {isNarrow.value ? (
+        <Popup
+          button={
+            <>
+              <svg viewBox="0 0 20 20" aria-hidden="true">
+                <path d="M3 5h14M3 10h14M3 15h14" />
+              </svg>
+              {words.views[view]}
+            </>
+          }
+          buttonClass="menu-button"
+          class="menu"
+        >
+          {links}
+        </Popup>
+      ) : (
+        links
+      )}
+    </nav>
+  );
+}
+
+function ViewLink({to}: {to: View}) {
+  const {view, subject} = useApp().route.value;
+  const keeps = to === 'live' || to === 'parameters';
+  return (
+    <a
+      href={writeRoute(to, keeps ? subject : '')}
+      {...(to === view ? {'aria-current': 'page' as const} : {})}
+    >
+      {texts.value.views[to]}
+    </a>
+  );
+}
+
 function LinkStatus() {
   const app = useApp();
-  const words = {
-    connecting: 'Connecting',
-    live: 'Live',
-    silent: 'No data',
-    lost: 'Not connected',
-  } as const;
+  const words = texts.value.header;
   const {phase} = app.link.state.value;
   const standing = app.standing.value;
   const isNotStopped = app.notStopped.value.length > 0;
   const tone = isNotStopped ? 'bad' : severity(standing.worst);
   const isAlarm = phase === 'live' && tone !== 'good';
-  const word = isNotStopped ? 'NOT stopped' : worstText(standing);
-  const access = app.mayCommand.value ? 'may command' : 'read only';
+  const word = isNotStopped ? words.notStopped : worstText(standing);
   return (
     <p class={`link link-${phase} ${isAlarm ? `link-is-${tone}` : ''}`} data-testid="link">
       <i aria-hidden="true" />
       <span>
         <b>{isAlarm ? word : words[phase]}</b>
-        {phase === 'live' && <span class="access">{access}</span>}
+        {phase === 'live' && (
+          <span class="access">{app.mayCommand.value ? words.mayCommand : words.readOnly}</span>
+        )}
       </span>
     </p>
   );
@@ -90,7 +108,7 @@ function RecordStatus() {
     <a
       class="rec"
       href={writeRoute('recordings')}
-      aria-label={`Recording ${recording.file}, ${Math.floor(recording.timeS)} seconds`}
+      aria-label={texts.value.header.recording(recording.file, Math.floor(recording.timeS))}
     >
       <i aria-hidden="true" />
       REC {clock(recording.timeS)}
@@ -101,6 +119,7 @@ function RecordStatus() {
 /** Always there, and always in the same place. */
 function StopButton() {
   const app = useApp();
+  const words = texts.value.header;
   const stoppedCount = app.stopped.value.length;
   // Where one is not stopped, the button is not spent.
   const isStopped =
@@ -118,8 +137,10 @@ function StopButton() {
       onClick={() => void app.stop.press()}
       aria-keyshortcuts="Control+Shift+Space"
     >
-      <span class="stop-word">{isAsked ? 'STOPPING' : isStopped ? 'STOPPED' : 'STOP ALL'}</span>
-      <span class="stop-key">{mayStop ? kStopKeyText : 'read only: use the hardware stop'}</span>
+      <span class="stop-word">
+        {isAsked ? words.stopping : isStopped ? words.stopped : words.stopAll}
+      </span>
+      <span class="stop-key">{mayStop ? words.stopKey : words.stopReadOnly}</span>
     </button>
   );
 }

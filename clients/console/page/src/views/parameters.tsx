@@ -1,9 +1,10 @@
 import {useEffect, useState} from 'preact/hooks';
 import {useApp} from '../store/app';
 import {writeRoute} from '../store/route';
-import {count, type Form} from '../forms/form';
+import type {Form} from '../forms/form';
 import type {Parameter} from '../forms/parameter';
 import {Badge, Card, Confirm, Empty, Notice} from '../parts/parts';
+import {texts} from '../texts/texts';
 import {CalibrationPanel} from './calibration';
 import {Field} from './field';
 
@@ -20,8 +21,8 @@ export function ParametersView() {
     return (
       <Empty>
         {app.mayCommand.value || !app.isLive.value
-          ? 'Nothing that has parameters is at the registry.'
-          : 'Read only: open the URL with the token that rtpm-console printed to see parameters.'}
+          ? texts.value.parameters.none
+          : texts.value.parameters.needsToken}
       </Empty>
     );
   }
@@ -29,7 +30,7 @@ export function ParametersView() {
   return (
     <div class="parameters">
       <div class="picker">
-        <nav class="choice" aria-label="Parameters of">
+        <nav class="choice" aria-label={texts.value.parameters.of}>
           {known.map((one) => (
             <a
               key={one}
@@ -67,6 +68,7 @@ function FormCard({form}: {form: Form}) {
   const app = useApp();
   useRefresh(form);
   const [isCalibrating, setCalibrating] = useState(false);
+  const words = texts.value.parameters;
   const list = form.list.value;
   const isServed = app.link.services.value.has(`${form.name}/config/list`);
   if (list === null) {
@@ -77,7 +79,7 @@ function FormCard({form}: {form: Form}) {
             {form.problem.value}
           </Notice>
         ) : (
-          <Empty>{isServed ? 'Reading the parameters.' : `${form.name} is not there now.`}</Empty>
+          <Empty>{isServed ? words.reading : words.notThere(form.name)}</Empty>
         )}
       </Card>
     );
@@ -91,11 +93,11 @@ function FormCard({form}: {form: Form}) {
         aside={
           <span class="quiet small">
             {list.model}, {list.serial}
-            {list.isActive ? ' · active' : ' · inactive'}
+            {` · ${list.isActive ? words.active : words.inactive}`}
             {list.isUnsaved && (
               <>
                 {' '}
-                · <Badge tone="warn">changed since saved</Badge>
+                · <Badge tone="warn">{words.unsaved}</Badge>
               </>
             )}
           </span>
@@ -103,12 +105,12 @@ function FormCard({form}: {form: Form}) {
       >
         {!isServed && app.isLive.value && (
           <Notice tone="warn" role="alert">
-            {form.name} is gone. What you typed is kept, and can be applied when it is back.
+            {words.gone(form.name)}
           </Notice>
         )}
         {form.problem.value !== '' && isUsable && (
           <Notice tone="warn" role="alert">
-            Not read anew: {form.problem.value}
+            {words.notRead(form.problem.value)}
           </Notice>
         )}
         <Groups form={form} parameters={list.parameters} />
@@ -131,7 +133,7 @@ function Groups({form, parameters}: {form: Form; parameters: readonly Parameter[
     <>
       {groups.map((group) => (
         <fieldset key={group} class="group">
-          <legend>{group === '' ? 'general' : group}</legend>
+          <legend>{group === '' ? texts.value.parameters.general : group}</legend>
           <div class="fields">
             {parameters
               .filter((one) => groupOf(one) === group)
@@ -151,6 +153,7 @@ function Footer({form, isUsable}: {form: Form; isUsable: boolean}) {
   const invalidCount = form.invalidCount.value;
   const isBlocked = !isUsable || form.isBusy.value;
   const verdict = form.verdict.value;
+  const words = texts.value.parameters;
   return (
     <div class="form-foot">
       {verdict !== null && (
@@ -158,9 +161,7 @@ function Footer({form, isUsable}: {form: Form; isUsable: boolean}) {
           {verdict.words}
         </Notice>
       )}
-      {invalidCount > 0 && (
-        <p class="problem">{count(invalidCount, 'field')} can't be sent as typed; see above.</p>
-      )}
+      {invalidCount > 0 && <p class="problem">{words.invalid(invalidCount)}</p>}
       <div class="row">
         <button
           type="button"
@@ -169,21 +170,21 @@ function Footer({form, isUsable}: {form: Form; isUsable: boolean}) {
           disabled={isBlocked || changeCount === 0 || invalidCount > 0}
           onClick={() => void form.apply()}
         >
-          {changeCount === 0 ? 'Apply' : `Apply ${count(changeCount, 'change')}`}
+          {changeCount === 0 ? words.apply : words.applyChanges(changeCount)}
         </button>
         <button
           type="button"
           disabled={form.drafts.value.size === 0}
           onClick={() => form.discard()}
         >
-          Discard what I typed
+          {words.discard}
         </button>
         <span class="spring" />
         <Confirm
-          label="Reset all"
+          label={words.resetAll}
           disabled={isBlocked}
-          confirm="Reset all"
-          question={`Sets every parameter of ${form.name} to its default, at once.`}
+          confirm={words.resetAll}
+          question={words.resetQuestion(form.name)}
           onConfirm={() => void form.reset(null)}
         />
         <button
@@ -191,12 +192,10 @@ function Footer({form, isUsable}: {form: Form; isUsable: boolean}) {
           disabled={isBlocked || list?.isPersistent !== true}
           onClick={() => void form.save()}
         >
-          Save
+          {words.save}
         </button>
       </div>
-      {list?.isPersistent === false && (
-        <p class="quiet small">Can't be saved: its server has no folder for settings.</p>
-      )}
+      {list?.isPersistent === false && <p class="quiet small">{words.notPersistent}</p>}
     </div>
   );
 }

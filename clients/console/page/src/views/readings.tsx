@@ -6,8 +6,11 @@ import {eachFrame} from '../store/frames';
 import {kColumn, kSlots} from '../store/motion';
 import {Card} from '../parts/parts';
 import {fixed} from '../parts/text';
+import {texts} from '../texts/texts';
 
 interface Row {
+  /** In every language the same. */
+  readonly id: string;
   readonly name: string;
   readonly unit: string;
   readonly column: number;
@@ -19,24 +22,45 @@ const kPaintMs = 100;
 
 function rowsOf(device: Device | null): Row[] {
   const rows: Row[] = [];
+  const words = texts.value.readings;
   if (sensesPlace(device)) {
     ['x', 'y', 'z'].forEach((name, i) =>
-      rows.push({name, unit: 'mm', column: kColumn.position + i, factor: 1000, digits: 1}),
+      rows.push({
+        id: name,
+        name,
+        unit: 'mm',
+        column: kColumn.position + i,
+        factor: 1000,
+        digits: 1,
+      }),
     );
   }
   if (device === null || device.forceMaxNewton > 0) {
-    rows.push({name: 'force', unit: 'N', column: kColumn.forceLength, factor: 1, digits: 2});
+    rows.push({
+      id: 'force',
+      name: words.force,
+      unit: 'N',
+      column: kColumn.forceLength,
+      factor: 1,
+      digits: 2,
+    });
   }
   if (sensesTurn(device)) {
-    ['right', 'up'].forEach((name, i) =>
-      rows.push({name, unit: '°', column: kColumn.direction + i, factor: 1, digits: 1}),
+    const shown = shownScale({unit: '°', low: -180, high: 180});
+    ['right', 'up'].forEach((id, i) =>
+      rows.push({
+        id,
+        name: i === 0 ? words.right : words.up,
+        column: kColumn.direction + i,
+        ...shown,
+      }),
     );
   }
   const addScales = (scales: readonly Scale[], first: number) =>
     scales
       .slice(0, kSlots)
       .forEach((scale, i) =>
-        rows.push({name: scale.name, column: first + i, ...shownScale(scale)}),
+        rows.push({id: scale.name, name: scale.name, column: first + i, ...shownScale(scale)}),
       );
   addScales(device?.joints ?? [], kColumn.joint);
   addScales(device?.analogs ?? [], kColumn.analog);
@@ -73,10 +97,10 @@ export function Readings({name, device, source}: Props) {
   }, [name]);
   if (rows.length === 0) return null;
   return (
-    <Card title="Now" class="now">
+    <Card title={texts.value.readings.title} class="now">
       <dl ref={list} class="readings" data-testid="readings">
         {rows.map((row) => (
-          <div key={row.name} data-reading={row.name}>
+          <div key={row.id} data-reading={row.id}>
             <dt>{row.name}</dt>
             <dd>
               <b>–</b> <span class="unit">{row.unit}</span>

@@ -22,7 +22,7 @@ export function Shell() {
   const {view, subject} = app.route.value;
   const main = useRef<HTMLElement>(null);
   useEffect(() => {
-    const state = !app.isLive.value ? 'not connected: ' : alarmOf(app);
+    const state = !app.isLive.value ? texts.value.header.titleNotConnected : alarmOf(app);
     document.title = `${state}${texts.value.views[view]}${subject === '' ? '' : ` ${subject}`} · RTPM console`;
   });
   const skip = (event: Event) => {
@@ -36,7 +36,7 @@ export function Shell() {
       data-replay={app.showsReplay.value ? 'yes' : 'no'}
     >
       <a class="skip" href={writeRoute(view, subject)} onClick={skip}>
-        Skip to the content
+        {texts.value.header.skip}
       </a>
       <Header />
       <Banners />
@@ -51,8 +51,8 @@ export function Shell() {
 
 /** What the title of a window in the background must say. */
 function alarmOf(app: App): string {
-  if (app.notStopped.value.length > 0) return 'NOT STOPPED: ';
-  if (app.stopped.value.length > 0) return 'STOPPED: ';
+  if (app.notStopped.value.length > 0) return texts.value.header.titleNotStopped;
+  if (app.stopped.value.length > 0) return texts.value.header.titleStopped;
   return severity(app.standing.value.worst) === 'bad' ? `${worstText(app.standing.value)}: ` : '';
 }
 

@@ -1,0 +1,17 @@
+/** Choices of this browser. Where it keeps none, or forbids to, they last as long as the page. */
+
+export function recall(key: string): string | null {
+  try {
+    return globalThis.localStorage?.getItem(key) ?? null;
+  } catch {
+    return null;
+  }
+}
+
+export function remember(key: string, value: string): void {
+  try {
+    globalThis.localStorage?.setItem(key, value);
+  } catch {
+    // The choice holds until the page is closed.
+  }
+}
