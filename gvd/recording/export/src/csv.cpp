@@ -12,11 +12,11 @@
 
 #include "left_out.hpp"
 #include "read_all.hpp"
-#include "recorded_devices.hpp"
 #include "rows.hpp"
 #include "rtpm/base/printable.hpp"
-#include "rtpm/capture/channels.hpp"
 #include "rtpm/exports/export.hpp"
+#include "rtpm/exports/scalars.hpp"
+#include "sample_names.hpp"
 
 namespace rtpm::exports {
 namespace {
@@ -80,50 +80,6 @@ std::string seconds_text(std::uint64_t ns, std::uint64_t begin_ns) {
          std::string(9 - fraction.size(), '0') + fraction;
 }
 
-/// The elements of a sample's arrays have names and units of the device's parts.
-class SampleNames {
- public:
-  explicit SampleNames(const driver::Descriptor& device) : device_(device) {}
-
-  /// The header of a column; empty for an element that the device does not have.
-  [[nodiscard]] std::string header_of(const std::string& name) const {
-    const std::size_t bracket = name.find('[');
-    if (bracket == std::string::npos) return name;
-    const std::string array = name.substr(0, bracket);
-    std::size_t index = 0;
-    std::from_chars(name.data() + bracket + 1, name.data() + name.size(), index);
-    if (array == "joints") return joint(index, array, "");
-    if (array == "joint_velocities") return joint(index, array, "/s");
-    if (array == "efforts") return effort(index, array);
-    if (array == "outputs") return part(device_.outputs, index, array);
-    if (array == "analogs") return part(device_.analogs, index, array);
-    if (array == "button_edges" && index < device_.buttons.size())
-      return array + "." + device_.buttons[index];
-    return array == "button_edges" ? "" : name;
-  }
-
- private:
-  static std::string with_unit(const std::string& name, const std::string& unit) {
-    return name + " [" + unit + "]";
-  }
-  [[nodiscard]] std::string joint(std::size_t index, const std::string& array,
-                                  const char* per) const {
-    if (index >= device_.joints.size()) return "";
-    return with_unit(array + "." + device_.joints[index].name, device_.joints[index].unit + per);
-  }
-  [[nodiscard]] std::string effort(std::size_t index, const std::string& array) const {
-    if (index >= device_.joints.size()) return "";
-    const bool is_sliding = device_.joints[index].unit == "m";
-    return with_unit(array + "." + device_.joints[index].name, is_sliding ? "N" : "N m");
-  }
-  static std::string part(const auto& parts, std::size_t index, const std::string& array) {
-    if (index >= parts.size()) return "";
-    return with_unit(array + "." + parts[index].name, parts[index].unit);
-  }
-
-  const driver::Descriptor& device_;
-};
-
 /// The file of one channel.
 struct Table {
   std::string topic{};
@@ -157,8 +113,7 @@ class CsvExport {
   }
 
  private:
-  bool open(std::uint16_t number, const recording::Channel& channel,
-            const std::map<std::string, driver::Descriptor>& devices) {
+  bool open(std::uint16_t number, const recording::Channel& channel, const Devices& devices) {
     if (is_view(channel)) return false;
     Table table{.topic = channel.topic};
     const auto schema = reader_.schemas().find(channel.schema_id);
@@ -175,9 +130,7 @@ class CsvExport {
       }
       table.rows = std::move(*rows);
     }
-    const auto device = devices.find(capture::value_of(channel, capture::kDeviceKey));
-    const bool is_known = device != devices.end() && has_samples(reader_, channel);
-    table.lines = header(table, is_known ? &device->second : nullptr);
+    table.lines = header(table, device_of(devices, reader_, channel));
     table.file = free_name(file_stem(channel.topic));
     tables_.emplace(number, std::move(table));
     return true;
@@ -187,13 +140,14 @@ class CsvExport {
     std::string line = "time [UTC],seconds [s],message";
     if (table.rows == nullptr) return line + ",json\r\n";
     for (const Column& column : table.rows->columns()) {
-      std::string name =
-          device == nullptr ? column.name : SampleNames(*device).header_of(column.name);
-      table.is_shown.push_back(!name.empty());
-      if (name.empty()) continue;
-      if (!column.unit.empty()) name += " [" + column.unit + "]";
+      ColumnName name =
+          device == nullptr ? ColumnName{column.name, ""} : name_by_device(*device, column.name);
+      table.is_shown.push_back(!name.name.empty());
+      if (name.name.empty()) continue;
+      if (!column.unit.empty()) name.unit = column.unit;
+      if (!name.unit.empty()) name.name += " [" + name.unit + "]";
       line += ',';
-      append_text_cell(line, printable(name));
+      append_text_cell(line, printable(name.name));
     }
     return line + "\r\n";
   }

@@ -13,9 +13,9 @@ namespace rtpm::exports {
 
 using capture::value_of;
 
-expected<std::map<std::string, driver::Descriptor>, SetupError> read_devices(
-    recording::FileReader& reader, const recording::Progress& progress) {
-  std::map<std::string, driver::Descriptor> devices;
+expected<Devices, SetupError> read_devices(recording::FileReader& reader,
+                                           const recording::Progress& progress) {
+  Devices devices;
   recording::Query query;
   const std::string version = std::to_string(device::DeviceClient::interface().fingerprint);
   for (const auto& [number, channel] : reader.channels()) {
