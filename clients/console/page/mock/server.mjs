@@ -1,6 +1,6 @@
 // Speaks to the page as rtpm-console does (clients/console/README.md), of a system of its own that
-// moves. For work on the page; usage: node mock/server.mjs [PORT]
-// [NAME OF A LOST DEVICE]
+// moves. For work on the page; usage:
+// node mock/server.mjs [PORT] [NAME OF A LOST DEVICE] [--devices=200]
 import {createReadStream} from 'node:fs';
 import {createServer} from 'node:http';
 import {fileURLToPath} from 'node:url';
@@ -8,9 +8,13 @@ import {WebSocketServer} from 'ws';
 import {picturePayloads, samplePayload, schemas, touchPayload} from './payloads.mjs';
 import {System} from './system.mjs';
 
-const port = Number(process.argv[2] ?? 8765);
-const system = new System();
-if (process.argv[3]) system.lose(process.argv[3]);
+const kCountOption = '--devices=';
+const options = process.argv.slice(2);
+const places = options.filter((one) => !one.startsWith('--'));
+const count = options.find((one) => one.startsWith(kCountOption))?.slice(kCountOption.length);
+const port = Number(places[0] ?? 8765);
+const system = new System(Number(count ?? 0));
+if (places[1]) system.lose(places[1]);
 const start = Date.now();
 const kSource = 3571832195; // lab/arm0
 let recording = null;
@@ -292,7 +296,7 @@ setInterval(() => {
     time_ns: now * 1e6,
     uptime_s: (now - start) / 1000,
     registry: {url: 'rtpm://127.0.0.1:7420/rtpm/names', ok: true, problem: ''},
-    hub: {name: 'rtpm/events', ok: true, problem: '', consumer_count: 2, event_per_s: 3512},
+    hub: {name: 'rtpm/events', ok: true, problem: '', event_per_s: 3512, ...system.consumers()},
     servers: system.servers(),
     objects: system.objects(),
     devices: system.devices,

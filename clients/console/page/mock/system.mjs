@@ -61,6 +61,33 @@ function arm_list() {
   );
 }
 
+const kCrowd = [
+  ['arm', 'RTPM simulated arm', 'Haptic', 1000],
+  ['gaze', 'RTPM simulated gaze', 'Tracker', 250],
+  ['biometric', 'RTPM simulated biometrics', 'Biometric', 250],
+  ['knob', 'RTPM simulated knob', 'Dial', 1000],
+];
+
+/** One of many devices: most are well. */
+function crowded(i) {
+  const [kind, model, className, rate] = kCrowd[i % kCrowd.length];
+  const one = device(`cell${1 + (i % 9)}/${kind}${10 + i}`, model, className, {
+    rate_hz: rate,
+    sample_per_s: rate,
+    has_config: false,
+    force_newton_max: className === 'Haptic' ? 9 : 0,
+  });
+  if (i % 61 === 20) {
+    const problem = 'its name has expired: its server hangs, is dead, or is cut off';
+    Object.assign(one, {ok: false, lost_for_s: 12, problem});
+  }
+  if (i % 47 === 10) Object.assign(one, {lifecycle: 'fault', faults: ['too fast']});
+  if (i % 31 === 7) Object.assign(one, {sample_per_s: 0.7 * rate});
+  if (i % 29 === 3) Object.assign(one, {age_ms: 2400, sample_per_s: 0});
+  if (i % 5 === 1) one.lease = {state: 'held', since_s: 60 + i, ends_in_s: null};
+  return one;
+}
+
 export class System {
   devices = [
     device('lab/arm0', 'RTPM simulated arm', 'Haptic', {
@@ -109,6 +136,29 @@ export class System {
 
   /** Devices that a stop has not reached. */
   notStopped = [];
+
+  /** @param count  devices in all, where it is more than there are */
+  constructor(count = 0) {
+    for (let i = 0; this.devices.length < count; ++i) this.devices.push(crowded(i));
+  }
+
+  consumers() {
+    const consumer = (name, host, lag_ms, waiting, delivered_per_s, dropped_count) => ({
+      name,
+      host,
+      lag_ms,
+      waiting,
+      delivered_per_s,
+      dropped_count,
+      is_suspended: false,
+    });
+    const consumers = [
+      consumer('rtpm-console', 'lab-pc', 2, 0, 3512, 0),
+      consumer('rtpm-servo', 'lab-pc', 0, 0, 1000, 0),
+      consumer('analysis.py', 'notebook-3', 840, 512, 96, 20_417),
+    ];
+    return {consumer_count: consumers.length, consumers};
+  }
 
   lose(name) {
     const problem = 'its name has expired: its server hangs, is dead, or is cut off';
@@ -181,6 +231,14 @@ export class System {
         process_id: 4012,
         alive: true,
         lanes: [lane('names', 0, 32767, 3)],
+      },
+      {
+        name: 'another-program',
+        host: 'lab-pc',
+        port: 40123,
+        process_id: 977,
+        alive: true,
+        lanes: [lane('calls', 0, 32767, 0)],
       },
     ];
   }

@@ -11,6 +11,7 @@ import './styles/base.css';
 import './styles/parts.css';
 import './styles/header.css';
 import './styles/views.css';
+import './styles/overview.css';
 import 'uplot/dist/uPlot.min.css';
 
 const nowMs = () => performance.now();

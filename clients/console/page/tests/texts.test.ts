@@ -14,7 +14,6 @@ const kPlain = new Set([
   'views/device_status.tsx',
   'views/incidents.tsx',
   'views/live.tsx',
-  'views/overview.tsx',
   'views/plots.tsx',
   'views/recordings.tsx',
   'views/timeline.tsx',

@@ -98,6 +98,20 @@ export interface Replay {
   readonly topics: readonly string[];
 }
 
+/** A subscription at the hub: a program that receives events. */
+export interface Consumer {
+  readonly name: string;
+  readonly host: string;
+  /** How old the oldest event is that waits for it; null: not known. */
+  readonly lagMs: number | null;
+  /** Events that wait for it. */
+  readonly waitingCount: number;
+  readonly deliveredPerSecond: number;
+  /** Events that it missed since it subscribed. */
+  readonly droppedCount: number;
+  readonly isSuspended: boolean;
+}
+
 export interface ConsoleState {
   readonly timeNs: number;
   readonly uptimeS: number;
@@ -107,6 +121,7 @@ export interface ConsoleState {
     readonly isOk: boolean;
     readonly problem: string;
     readonly consumerCount: number;
+    readonly consumers: readonly Consumer[];
     readonly eventsPerSecond: number;
   };
   readonly servers: readonly Server[];
@@ -199,6 +214,17 @@ export function readState(value: Json): ConsoleState {
       isOk: flag(hub['ok']),
       problem: text(hub['problem']),
       consumerCount: number(hub['consumer_count']),
+      consumers: list(hub['consumers'])
+        .map(object)
+        .map((one) => ({
+          name: text(one['name']),
+          host: text(one['host']),
+          lagMs: numberOrNull(one['lag_ms']),
+          waitingCount: number(one['waiting']),
+          deliveredPerSecond: number(one['delivered_per_s']),
+          droppedCount: number(one['dropped_count']),
+          isSuspended: flag(one['is_suspended']),
+        })),
       eventsPerSecond: number(hub['event_per_s']),
     },
     servers: list(state['servers']).map((one) => readServer(object(one))),

@@ -11,7 +11,7 @@ export function Badge({tone = 'plain', children}: {tone?: Tone; children: Compon
 }
 
 interface CardProps {
-  title: string;
+  title: ComponentChildren;
   /** At the right of the title. */
   aside?: ComponentChildren;
   class?: string;

@@ -101,3 +101,13 @@ export function Help({of, children}: {of: string; children: ComponentChildren}) 
     </Popup>
   );
 }
+
+/** The head of a table's column, with its help. */
+export function Column(props: {name: string; help?: string; isNumber?: boolean}) {
+  return (
+    <th scope="col" class={props.isNumber === true ? 'number' : ''}>
+      {props.name}
+      {props.help !== undefined && <Help of={props.name}>{props.help}</Help>}
+    </th>
+  );
+}

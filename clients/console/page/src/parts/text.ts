@@ -57,7 +57,7 @@ export function parsed(typed: string): number | null {
 
 export function duration(seconds: number): string {
   if (seconds < 1) return `${Math.round(seconds * 1000)} ms`;
-  if (seconds < 60) return `${fixed(seconds, 1)} s`;
+  if (seconds < 60) return `${fixed(seconds, seconds < 10 ? 1 : 0)} s`;
   const minutes = Math.floor(seconds / 60);
   if (minutes < 60) return `${minutes} min ${Math.floor(seconds % 60)} s`;
   const hours = Math.floor(minutes / 60);
@@ -108,7 +108,7 @@ export function thousands(count: number): string {
 }
 
 export function rate(perSecond: number): string {
-  return `${perSecond < 10 ? fixed(perSecond, 1) : thousands(perSecond)}/s`;
+  return `${perSecond > 0 && perSecond < 10 ? fixed(perSecond, 1) : thousands(perSecond)}/s`;
 }
 
 export function percent(share: number | null, digits = 0): string {

@@ -70,7 +70,8 @@ export class App {
     const names = computed(() => this.devices.value.map((one) => one.name));
     const joined = computed(() => names.value.join('\n'));
     const stableNames = computed(() => joined.value.split('\n').filter((name) => name !== ''));
-    this.feeds = new Feeds(link, this.live, this.replayed, stableNames, nowMs);
+    const subject = computed(() => this.route.value.subject);
+    this.feeds = new Feeds(link, this.live, this.replayed, stableNames, subject, nowMs);
     this.configurable = this.rememberConfigurable();
     link.subscribe('console/state', ({value}) => this.takeState(readState(value as Json)));
     link.subscribe('console/latency', ({value, timeNs}) =>

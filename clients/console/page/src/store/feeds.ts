@@ -2,7 +2,7 @@ import {effect, signal, type ReadonlySignal} from '@preact/signals';
 import {feedOf, type Feed} from '../model/names';
 import type {Channel, Message} from '../protocol/client';
 import type {Link} from './link';
-import type {Motion} from './motion';
+import {kTrackMax, type Motion} from './motion';
 
 const kReplay = 'replay/';
 
@@ -13,8 +13,8 @@ function isRepeated(topic: string, feed: Feed, channels: ReadonlyMap<string, Cha
 }
 
 /**
- * Subscribes to the samples and touches that the page shows: of the live system, and of a recording
- * while one is open. A hidden page takes neither.
+ * Subscribes to the samples and touches that the page shows: of as many devices of the live system
+ * as have tracks, and of a recording while one is open. A hidden page takes neither.
  */
 export class Feeds {
   private readonly ends = new Map<string, () => void>();
@@ -25,9 +25,18 @@ export class Feeds {
     private readonly live: Motion,
     private readonly replay: Motion,
     private readonly names: ReadonlySignal<readonly string[]>,
+    /** The device that a view shows: it always has a track. */
+    private readonly subject: ReadonlySignal<string>,
     private readonly nowMs: () => number,
   ) {
-    effect(() => this.follow(this.link.channels.value, this.names.value, this.isVisible.value));
+    effect(() =>
+      this.follow(
+        this.link.channels.value,
+        this.names.value,
+        this.subject.value,
+        this.isVisible.value,
+      ),
+    );
   }
 
   setVisible(isVisible: boolean): void {
@@ -37,14 +46,17 @@ export class Feeds {
   private follow(
     channels: ReadonlyMap<string, Channel>,
     names: readonly string[],
+    subject: string,
     isVisible: boolean,
   ): void {
     const wanted = new Set<string>();
+    const followed = this.followed(names, subject);
     if (isVisible) {
       for (const topic of channels.keys()) {
         const isReplay = topic.startsWith(kReplay);
         const feed = feedOf(isReplay ? topic.slice(kReplay.length) : topic, names);
         if (feed === null || isRepeated(topic, feed, channels)) continue;
+        if (!isReplay && names.includes(feed.device) && !followed.has(feed.device)) continue;
         // The source's number is known to be a device's as soon as the device is.
         const key = `${topic}\n${feed.device}`;
         wanted.add(key);
@@ -56,6 +68,16 @@ export class Feeds {
       end();
       this.ends.delete(key);
     }
+  }
+
+  /** The shown device, and the first others; the tracks of devices beyond give way. */
+  private followed(names: readonly string[], subject: string): ReadonlySet<string> {
+    const ordered = names.includes(subject) ? [subject, ...names] : names;
+    const kept = new Set([...new Set(ordered)].slice(0, kTrackMax));
+    for (const name of this.live.names()) {
+      if (names.includes(name) && !kept.has(name)) this.live.drop(name);
+    }
+    return kept;
   }
 
   private take(topic: string, feed: Feed, isReplay: boolean): () => void {

@@ -89,6 +89,10 @@ export class Motion {
     return [...this.tracks.keys()].sort();
   }
 
+  drop(device: string): void {
+    this.tracks.delete(device);
+  }
+
   clear(): void {
     this.tracks.clear();
   }

@@ -12,6 +12,208 @@ export const kTexts = {
     incidents: ['Incidents', 'Vorfälle'],
     events: ['Events', 'Ereignisse'],
   },
+  overview: {
+    waiting: ['Waiting for the console to say what there is.', 'Warte auf die Konsole.'],
+    registry: ['Registry', 'Registry'],
+    registryHelp: [
+      'The name service of this laboratory. While it is silent, no program finds another anew.',
+      'Der Namensdienst dieses Labors. Schweigt er, findet kein Programm ein anderes neu.',
+    ],
+    answers: ['answers', 'antwortet'],
+    silent: ['silent', 'schweigt'],
+    events: ['Events', 'Ereignisse'],
+    eventsHelp: [
+      'Events per second that the hub takes from its suppliers, samples of devices included.',
+      'Ereignisse pro Sekunde, die der Hub annimmt, einschließlich der Messwerte der Geräte.',
+    ],
+    consumers: [
+      (count: number) => `${count} ${count === 1 ? 'consumer' : 'consumers'}`,
+      (count: number) => `${count} Empfänger`,
+    ],
+    omitted: [
+      (count: string, most: string) =>
+        `too many sources: ${count} events beyond ${most} channels not shown`,
+      (count: string, most: string) =>
+        `zu viele Quellen: ${count} Ereignisse jenseits von ${most} Kanälen nicht gezeigt`,
+    ],
+    dropped: [
+      (count: string) => `${count} not shown, as the console was too busy`,
+      (count: string) => `${count} nicht gezeigt, da die Konsole überlastet war`,
+    ],
+    devices: ['Devices', 'Geräte'],
+    devicesHelp: [
+      'A device is live if its newest sample is at most one second old, without fault or stop.',
+      'Ein Gerät ist live, wenn sein Messwert höchstens eine Sekunde alt ist, ohne Fehler und Halt.',
+    ],
+    noneAtRegistry: ['none at the registry', 'keine bei der Registry'],
+    allFresh: ['samples within the last second', 'Messwerte aus der letzten Sekunde'],
+    console: ['Console', 'Konsole'],
+    consoleHelp: [
+      'How long rtpm-console has been running, and how many browsers are connected.',
+      'Wie lange rtpm-console läuft, und wie viele Browser verbunden sind.',
+    ],
+    up: [(time: string) => `up ${time}`, (time: string) => `läuft ${time}`],
+    browsers: [
+      (count: number) => `${count} ${count === 1 ? 'browser' : 'browsers'}`,
+      (count: number) => `${count} Browser`,
+    ],
+    upToDate: ['all up to date', 'alle aktuell'],
+    skipped: [
+      (count: string) => `slow browsers skipped ${count} updates; nothing recorded is lost`,
+      (count: string) => `langsame ließen ${count} Bilder aus; Aufnahmen sind vollständig`,
+    ],
+  },
+  devices: {
+    title: ['Devices', 'Geräte'],
+    none: [
+      'No device is at the registry. Start one: rtpm-deviced --serve-events.',
+      'Kein Gerät bei der Registry. Eines starten: rtpm-deviced --serve-events.',
+    ],
+    samples: ['Samples', 'Messwerte'],
+    samplesHelp: [
+      'Samples per second, measured at the hub, of those that the device should send.',
+      'Messwerte pro Sekunde, gemessen am Hub, von denen, die das Gerät senden soll.',
+    ],
+    ofRate: [
+      (rate: string, nominal: string) => `${rate} of ${nominal}`,
+      (rate: string, nominal: string) => `${rate} von ${nominal}`,
+    ],
+    goodCycles: ['Good cycles', 'Gute Zyklen'],
+    goodCyclesHelp: [
+      "The share of the device's last 100 cycles that read it in time and without fault.",
+      'Anteil der letzten 100 Zyklen, in denen das Gerät rechtzeitig und fehlerfrei las.',
+    ],
+    lease: ['Lease', 'Lease'],
+    leaseHelp: [
+      'Which client may command the device; the stop needs no lease.',
+      'Welcher Client das Gerät steuern darf; der Not-Halt braucht keine Lease.',
+    ],
+    force: ['Force', 'Kraft'],
+    forceHelp: [
+      'The largest force that the device exerts, by its own description.',
+      'Die größte Kraft, die das Gerät nach eigener Angabe ausübt.',
+    ],
+    upTo: [(newton: string) => `up to ${newton} N`, (newton: string) => `bis ${newton} N`],
+    noForce: ['none', 'keine'],
+    dismiss: ['Dismiss', 'Ausblenden'],
+    dismissQuestion: [
+      (name: string) => `Is ${name} off, or not of interest? It shows again when it is back.`,
+      (name: string) => `Ist ${name} aus oder unwichtig? Es erscheint wieder, wenn es zurück ist.`,
+    ],
+    dismissOne: [(name: string) => `Dismiss ${name}`, (name: string) => `${name} ausblenden`],
+    lost: ['lost', 'verloren'],
+    lostFor: [(time: string) => `lost for ${time}`, (time: string) => `verloren seit ${time}`],
+    stopped: ['stopped', 'Not-Halt'],
+    fault: ['fault', 'Fehler'],
+    stale: ['stale', 'veraltet'],
+    good: ['live', 'live'],
+    count: [(count: number) => `${count} devices`, (count: number) => `${count} Geräte`],
+    found: [
+      (found: number, count: number) => `${found} of ${count}`,
+      (found: number, count: number) => `${found} von ${count}`,
+    ],
+    search: ['Search: name, model, state ( / )', 'Suche: Name, Modell, Zustand ( / )'],
+    nothingFound: [
+      (search: string) => `No device matches “${search}”.`,
+      (search: string) => `Kein Gerät passt zu „${search}“.`,
+    ],
+    rowHelp: [
+      'A row: name, state, samples per second, class, and who commands it. The worst stand first. ' +
+        'Arrow keys move, Enter opens the device, / searches.',
+      'Je Zeile: Name, Zustand, Messwerte pro Sekunde, Klasse und wer es steuert. Das Schlechteste ' +
+        'zuerst. Pfeiltasten bewegen, Enter öffnet, / sucht.',
+    ],
+    noFolder: ['without a folder', 'ohne Ordner'],
+    ours: ['ours', 'eigene Lease'],
+    held: ['held', 'vergeben'],
+  },
+  consumers: {
+    title: ['Consumers of events', 'Empfänger von Ereignissen'],
+    name: ['Consumer', 'Empfänger'],
+    host: ['Host', 'Rechner'],
+    lag: ['Lag', 'Rückstand'],
+    lagHelp: [
+      'How old the oldest event is that the hub still holds for the consumer.',
+      'Wie alt das älteste Ereignis ist, das der Hub für den Empfänger noch hält.',
+    ],
+    waiting: ['Waiting', 'Wartend'],
+    waitingHelp: ['Events in its queue at the hub.', 'Ereignisse in seiner Schlange am Hub.'],
+    delivered: ['Delivered', 'Geliefert'],
+    deliveredHelp: [
+      'Events per second that it receives.',
+      'Ereignisse pro Sekunde, die er bekommt.',
+    ],
+    dropped: ['Dropped', 'Verworfen'],
+    droppedHelp: [
+      'Events that it missed since it subscribed, because it was too slow or suspended.',
+      'Ereignisse, die ihm seit der Anmeldung fehlen, weil er zu langsam war oder ruhte.',
+    ],
+    suspended: ['suspended', 'ruht'],
+  },
+  servers: {
+    title: ['Servers and lanes', 'Server und Lanes'],
+    none: ['No server answers.', 'Kein Server antwortet.'],
+    others: [
+      (count: number) =>
+        `${count} other ${count === 1 ? 'server' : 'servers'} on this host, unknown to the registry`,
+      (count: number) => `${count} weitere Server auf diesem Rechner, der Registry unbekannt`,
+    ],
+    host: [(name: string) => `Host ${name}`, (name: string) => `Rechner ${name}`],
+    process: [
+      (port: number, id: number) => `:${port}, process ${id}`,
+      (port: number, id: number) => `:${port}, Prozess ${id}`,
+    ],
+    lost: ['lost', 'verloren'],
+    noLanes: ['no lanes known', 'keine Lanes bekannt'],
+    server: ['Server', 'Server'],
+    lane: ['Lane', 'Lane'],
+    laneHelp: [
+      'Threads of a server that handle the calls of one range of priorities.',
+      'Threads eines Servers, die die Aufrufe eines Prioritätsbereichs bearbeiten.',
+    ],
+    priorities: ['Priorities', 'Prioritäten'],
+    prioritiesHelp: [
+      'Calls of these priorities run in the lane; 32767 is the highest there is.',
+      'Aufrufe dieser Prioritäten laufen in der Lane; 32767 ist die höchste.',
+    ],
+    schedule: ['Schedule', 'Scheduling'],
+    scheduleHelp: [
+      'How Linux schedules its threads: fifo and rr run before all others, other shares the CPU.',
+      'Wie Linux ihre Threads einplant: fifo und rr laufen vor allen anderen, other teilt die CPU.',
+    ],
+    wait: ['Wait', 'Warten'],
+    waitHelp: [
+      'How it waits for calls: block sleeps, spin polls and keeps a CPU busy, adaptive does both.',
+      'Wie sie auf Aufrufe wartet: block schläft, spin pollt und belegt eine CPU, adaptive beides.',
+    ],
+    calls: ['Calls', 'Aufrufe'],
+    callsHelp: ['Calls per second.', 'Aufrufe pro Sekunde.'],
+    drops: ['Drops', 'Verworfen'],
+    dropsHelp: [
+      'Requests per second that were refused or expired before they ran.',
+      'Anfragen pro Sekunde, die abgewiesen wurden oder vor der Ausführung verfielen.',
+    ],
+    longest: ['Longest cycle', 'Längster Zyklus'],
+    longestHelp: [
+      'The longest time since the start of the server from receiving a call until its answer was ' +
+        'written, with the method.',
+      'Die längste Zeit seit dem Start vom Empfang eines Aufrufs bis zur Antwort, samt der Methode.',
+    ],
+    queued: ['Queued', 'Wartend'],
+    queuedHelp: [
+      'Calls that wait for a thread now.',
+      'Aufrufe, die jetzt auf einen Thread warten.',
+    ],
+    busy: ['Busy', 'Aktiv'],
+    busyHelp: ['Threads that run a method now.', 'Threads, die jetzt eine Methode ausführen.'],
+  },
+  objects: {
+    title: ['Objects', 'Objekte'],
+    none: ['The registry has no names.', 'Die Registry hat keine Namen.'],
+    name: ['Name', 'Name'],
+    interface: ['Interface', 'Schnittstelle'],
+    where: ['Where', 'Ort'],
+  },
   numbers: {
     notOne: ['not a number', 'keine Zahl'],
     days: [(count: number) => `${count} days`, (count: number) => `${count} Tage`],
