@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -29,6 +31,20 @@ table Answered (rtpm_event: 7022) {
 """
 _names = schemas.Schema(TEXT).names()
 ANSWERS = ['yes, "quoted"', "=1+2", "two\nlines", "ü \u202e", ""]
+
+
+#: Others' packages by which the tests below read exports, by the option of the export.
+READERS: dict[str, list[str]] = {}
+_SOURCES = Path(__file__).parents[3]
+_Test = TypeVar("_Test", bound=Callable[..., None])
+
+
+def _reads_by(package: str, option: str) -> Callable[[_Test], _Test]:
+    def noted(test: _Test) -> _Test:
+        READERS.setdefault(option, []).append(package)
+        return test
+
+    return noted
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +149,7 @@ def _check_texts(recording: Any, texts: list[str]) -> None:
         assert read.get("late") == value.late
 
 
+@_reads_by("rosbags", "--ros2")
 def test_rosbags_reads_the_export_for_ros2(recording: Any, ros2: Path) -> None:
     pytest.importorskip("rosbags", reason="rosbags is not installed")
     from rosbags.rosbag2.metadata import parse_qos
@@ -165,6 +182,7 @@ def test_rosbags_reads_the_export_for_ros2(recording: Any, ros2: Path) -> None:
     _check_texts(recording, [text.data for text in read["/rtpm/lab_Answered/_0"]])
 
 
+@_reads_by("mcap-ros2-support", "--ros2")
 def test_mcap_ros2_reads_the_export_for_ros2(recording: Any, ros2: Path) -> None:
     pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
     from mcap.reader import make_reader
@@ -187,6 +205,7 @@ def test_mcap_ros2_reads_the_export_for_ros2(recording: Any, ros2: Path) -> None
     assert read["/diagnostics"][0].status[0].name == "lab/arm0"
 
 
+@_reads_by("pandas", "--csv")
 def test_pandas_reads_the_csv(laboratory: Laboratory, recording: Any, file: Path) -> None:
     import pandas as pd
 
@@ -212,6 +231,7 @@ def test_pandas_reads_the_csv(laboratory: Laboratory, recording: Any, file: Path
     assert {entry["topic"] for entry in summary["channels"]} <= set(recording.topics)
 
 
+@_reads_by("pandas", "--parquet")
 def test_pandas_reads_the_parquet_files(laboratory: Laboratory, recording: Any, file: Path) -> None:
     pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     import pandas as pd
@@ -237,6 +257,18 @@ def test_pandas_reads_the_parquet_files(laboratory: Laboratory, recording: Any, 
     }.items():
         assert list(answers[name]) == expected
     assert answers["seed"].dtype == np.uint64
+
+
+def test_the_readme_names_the_readers() -> None:
+    peer = json.loads((_SOURCES / "tests/system/recording/peer/package.json").read_text())
+    expected = {option: list(packages) for option, packages in READERS.items()}
+    expected["--ros2"] += [name for name in peer["dependencies"] if "rosmsg2" in name]
+    text = (_SOURCES / "gvd/recording/README.md").read_text()
+    rows = re.findall(r"^\| `(--\w+)`: [^|]*\| ([^|]*) \|$", text, re.MULTILINE)
+    named = {option: re.findall(r"[^`, ]+", cell) for option, cell in rows}
+    assert {option: sorted(names) for option, names in named.items()} == {
+        option: sorted(names) for option, names in expected.items()
+    }
 
 
 def test_an_export_refuses_what_exists(laboratory: Laboratory, file: Path, tmp_path: Path) -> None:
