@@ -6,12 +6,7 @@ import {chromium} from 'playwright-core';
 const axe = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
 export const kPatienceMs = 30_000;
 
-export const kSizes = {
-  desktop: {width: 1440, height: 1000},
-  landscape: {width: 1024, height: 768},
-  portrait: {width: 768, height: 1024},
-  phone: {width: 390, height: 844},
-};
+const kDesktop = {width: 1440, height: 1000};
 
 export async function launch(path) {
   return chromium.launch({
@@ -30,7 +25,7 @@ export async function launch(path) {
 /** A page of the console, with what its program complained of. */
 export async function open(browser, url, options = {}) {
   const context = await browser.newContext({
-    viewport: kSizes.desktop,
+    viewport: kDesktop,
     // Software draws the scene: a quarter of the pixels takes a quarter of the time.
     deviceScaleFactor: process.env.RTPM_PICTURES ? 1 : 0.5,
     ...options,

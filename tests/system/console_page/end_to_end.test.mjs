@@ -5,12 +5,10 @@ import {after, before, describe, it} from 'node:test';
 import {
   accessibilityFaults,
   keep,
-  kSizes,
   launch,
   open,
   reading,
   show,
-  smallTargets,
   until,
   visit,
 } from './browser.mjs';
@@ -365,58 +363,6 @@ describe('events', () => {
     await keep(page, artefacts, 'events-desktop-light');
     await button('End').click();
   });
-});
-
-// Pages beside one another: each waits for motion and pictures most of its time.
-describe('looks', {concurrency: 2}, () => {
-  const kViews = ['overview', 'live/lab/arm0', 'parameters/lab/arm0', 'recordings', 'events'];
-  // The widest and the narrowest have all the colours that the others have.
-  const kColourSizes = ['desktop', 'phone'];
-
-  async function look(other, view, size, scheme) {
-    await show(other, view);
-    await other.locator('main > *:not(h1)').first().waitFor();
-    // As much of a curve as shows what the charts are for.
-    if (view.startsWith('live')) {
-      await until(
-        'a force',
-        () => reading(other, 'force'),
-        (newton) => newton > 0.2,
-      );
-    }
-    await keep(other, artefacts, `${view.split('/')[0]}-${size}-${scheme}`);
-    const withColours = kColourSizes.includes(size);
-    assert.deepEqual(await accessibilityFaults(other, {withColours}), [], view);
-    if (size !== 'desktop') assert.deepEqual(await smallTargets(other), [], view);
-    const isStopInside = await other.evaluate(() => {
-      const {left, right} = document.querySelector('.stop').getBoundingClientRect();
-      return left >= 0 && right <= document.documentElement.clientWidth;
-    });
-    assert.ok(isStopInside, `${view}: STOP ALL is over the edge`);
-    const isWide = await other.evaluate(
-      () => document.documentElement.scrollWidth > document.documentElement.clientWidth,
-    );
-    assert.equal(isWide, false, `${view} scrolls sideways`);
-  }
-
-  for (const size of Object.keys(kSizes)) {
-    const schemes = kColourSizes.includes(size) ? ['light', 'dark'] : ['light'];
-    it(`well in ${schemes.join(' and ')}, ${size}, and to everybody`, async () => {
-      const options = {
-        viewport: kSizes[size],
-        hasTouch: size !== 'desktop',
-        // No colour is on its way to another one.
-        reducedMotion: 'reduce',
-      };
-      await visit(browser, system.url, options, async (other) => {
-        for (const scheme of schemes) {
-          await other.emulateMedia({colorScheme: scheme});
-          for (const view of kViews) await look(other, view, size, scheme);
-        }
-        assert.deepEqual(other.faults, []);
-      });
-    });
-  }
 });
 
 describe('looks of the first page', () => {

@@ -22,7 +22,7 @@ file(COPY "${SOURCE}/" DESTINATION "${WORK}" FILES_MATCHING PATTERN "*.mjs"
 file(REMOVE_RECURSE "${WORK}/scratch-${TEST}")
 execute_process(COMMAND ${CMAKE_COMMAND} -E env "RTPM_PROGRAM_FOLDER=${PROGRAMS}"
     "RTPM_ARTEFACTS=${WORK}/screenshots" "RTPM_SCRATCH=${WORK}/scratch-${TEST}" "RTPM_STROKE=${STROKE}"
-    "RTPM_CHROMIUM=${CHROMIUM}" "${NODE}" --test --test-reporter=spec ${TEST}.test.mjs
+    "RTPM_CHROMIUM=${CHROMIUM}" "RTPM_PAGE=${PAGE}" "${NODE}" --test --test-reporter=spec ${TEST}.test.mjs
   WORKING_DIRECTORY "${WORK}" RESULT_VARIABLE code)
 if(NOT code EQUAL 0)
   message(FATAL_ERROR "The page does not do what it should; see above.")

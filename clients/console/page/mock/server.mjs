@@ -126,6 +126,11 @@ function publish(topic, payload, timeMs = Date.now()) {
   }
 }
 
+function isSubscribed(topic) {
+  const channel = channels.find((one) => one.topic === topic);
+  return [...clients].some((one) => [...one.subscriptions.values()].includes(channel?.id));
+}
+
 function broadcast(message) {
   clients.forEach(({socket}) => socket.send(JSON.stringify(message)));
 }
@@ -387,6 +392,10 @@ setInterval(() => {
       analogs: [1.2 + 0.1 * Math.sin(time), 5e-6 + 2e-6 * Math.sin(time / 3)],
     }),
   );
+  for (const {name} of system.crowd()) {
+    if (!isSubscribed(`${name}/sample`)) continue;
+    publish(`${name}/sample`, samplePayload({...still, position: [0.03 * Math.sin(time), 0, 0]}));
+  }
   const isTouching = Math.hypot(...force) > 0;
   if (isTouching !== wasTouching && [...clients].some((client) => client.filter !== null)) {
     publish('console/log', {

@@ -142,6 +142,11 @@ export class System {
     for (let i = 0; this.devices.length < count; ++i) this.devices.push(crowded(i));
   }
 
+  /** The devices beyond those that have a motion of their own. */
+  crowd() {
+    return this.devices.filter(({name}) => name.startsWith('cell'));
+  }
+
   consumers() {
     const consumer = (name, host, lag_ms, waiting, delivered_per_s, dropped_count) => ({
       name,

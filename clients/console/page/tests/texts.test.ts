@@ -9,7 +9,6 @@ const kPlain = new Set([
   'drawing/histogram.tsx',
   'drawing/strip_chart.tsx',
   'views/banners.tsx',
-  'views/cameras.tsx',
   'views/commands.tsx',
   'views/device_status.tsx',
   'views/incidents.tsx',

@@ -448,6 +448,10 @@ export const kTexts = {
     type: ['Type', 'Typ'],
     from: ['From', 'Von'],
     number: ['Number', 'Nummer'],
+    numberHelp: [
+      'Counts the events of one type and source, from 1; a filter leaves gaps.',
+      'Zählt die Ereignisse eines Typs und einer Quelle, ab 1; ein Filter lässt Lücken.',
+    ],
     payload: ['Payload', 'Inhalt'],
     omitted: [
       (count: string) => `${count} events left out`,
@@ -456,9 +460,28 @@ export const kTexts = {
   },
   readings: {
     title: ['Now', 'Jetzt'],
+    help: [
+      'The newest values; a dash: there is none from the last second. x, y, z: the tool in the ' +
+        "device's frame. force: how strongly the device pulls. right, up: where it points.",
+      'Die neuesten Werte; ein Strich: keiner aus der letzten Sekunde. x, y, z: das Werkzeug im ' +
+        'Gerätesystem. Kraft: wie stark das Gerät zieht. rechts, oben: wohin es zeigt.',
+    ],
     force: ['force', 'Kraft'],
     right: ['right', 'rechts'],
     up: ['up', 'oben'],
+  },
+  cameras: {
+    name: [(name: string) => `Camera ${name}`, (name: string) => `Kamera ${name}`],
+    none: ['no picture yet', 'noch kein Bild'],
+    captured: [(age: string) => `captured ${age} ago`, (age: string) => `vor ${age} aufgenommen`],
+    rate: [(hertz: number) => `at ${hertz} Hz`, (hertz: number) => `mit ${hertz} Hz`],
+    notLive: ['not live', 'nicht live'],
+    help: [
+      'The age of the picture, and by how much its time of capture may be wrong; its size in ' +
+        'pixels, and its rate.',
+      'Das Alter des Bildes, und um wie viel seine Aufnahmezeit falsch sein kann; seine Größe in ' +
+        'Pixeln und seine Rate.',
+    ],
   },
   space: {
     direction: [

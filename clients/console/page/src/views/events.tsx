@@ -2,6 +2,7 @@ import {useEffect, useRef, useState} from 'preact/hooks';
 import {useApp} from '../store/app';
 import type {FilterFault, LogRow} from '../store/log';
 import {Card, Empty, Notice} from '../parts/parts';
+import {Column} from '../parts/popup';
 import {thousands, timeOfDay} from '../parts/text';
 import {texts} from '../texts/texts';
 
@@ -140,9 +141,7 @@ function LogCard() {
                 <th scope="col">{words.time}</th>
                 <th scope="col">{words.type}</th>
                 <th scope="col">{words.from}</th>
-                <th scope="col" class="number">
-                  {words.number}
-                </th>
+                <Column name={words.number} help={words.numberHelp} isNumber />
                 <th scope="col">{words.payload}</th>
               </tr>
             </thead>

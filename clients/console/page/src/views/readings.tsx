@@ -5,6 +5,7 @@ import type {ChartSource} from '../drawing/strip_chart';
 import {eachFrame} from '../store/frames';
 import {kColumn, kSlots} from '../store/motion';
 import {Card} from '../parts/parts';
+import {Help} from '../parts/popup';
 import {fixed} from '../parts/text';
 import {texts} from '../texts/texts';
 
@@ -96,8 +97,14 @@ export function Readings({name, device, source}: Props) {
     });
   }, [name]);
   if (rows.length === 0) return null;
+  const words = texts.value.readings;
+  const title = (
+    <>
+      {words.title} <Help of={words.title}>{words.help}</Help>
+    </>
+  );
   return (
-    <Card title={texts.value.readings.title} class="now">
+    <Card title={title} class="now">
       <dl ref={list} class="readings" data-testid="readings">
         {rows.map((row) => (
           <div key={row.id} data-reading={row.id}>
