@@ -98,5 +98,5 @@ describe('texts', () => {
       .filter((path) => path.endsWith('.tsx') && !kPlain.has(path))
       .sort();
     expect(files.flatMap((path) => wordsOf(path).map((words) => `${path}: ${words}`))).toEqual([]);
-  });
+  }, 60_000);
 });

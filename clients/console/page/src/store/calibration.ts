@@ -3,6 +3,7 @@ import {list, number, object, text, texts, whole} from '../protocol/fields';
 import type {Json} from '../protocol/json';
 import {readAnswer, readValue, wordsOf, type ParameterType, type Value} from '../forms/parameter';
 import type {CallConfig} from '../forms/form';
+import {texts as shown} from '../texts/texts';
 
 export type CalibrationPhase = 'Running' | 'Prompt' | 'Done' | 'Failed' | 'Kept' | 'Discarded';
 
@@ -117,9 +118,9 @@ export class Calibration {
       const answer = readAnswer(await this.call('save', {}));
       this.isSaved.value = answer.outcome === 'Done';
       if (!this.isSaved.value)
-        this.problem.value = `It is in force, but not saved: ${wordsOf(answer)}`;
+        this.problem.value = shown.value.calibration.notSaved(wordsOf(answer));
     } catch (error) {
-      this.problem.value = `It is in force, but not saved: ${(error as Error).message}`;
+      this.problem.value = shown.value.calibration.notSaved((error as Error).message);
     }
     this.changed();
   }

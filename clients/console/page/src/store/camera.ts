@@ -1,3 +1,4 @@
+import {texts} from '../texts/texts';
 import {signal, type Signal} from '@preact/signals';
 import {inspect, pictureIn} from '../model/picture';
 import type {Message} from '../protocol/client';
@@ -81,9 +82,7 @@ export class Camera {
   private open(codec: string): void {
     this.reset();
     if (typeof VideoDecoder === 'undefined') {
-      this.problem.value =
-        'This browser decodes H.264 only from https or localhost. Open the page by one of them, ' +
-        'or let the camera give JPEG.';
+      this.problem.value = texts.value.cameras.insecure;
       return;
     }
     this.codec = codec;
@@ -93,7 +92,7 @@ export class Camera {
         frame.close();
       },
       error: (error) => {
-        this.problem.value = `The browser can't decode ${codec}: ${error.message}`;
+        this.problem.value = texts.value.cameras.undecodable(codec, error.message);
         this.reset();
       },
     });

@@ -1,6 +1,7 @@
 import {signal, type Signal} from '@preact/signals';
 import {list, object, text, texts} from '../protocol/fields';
 import {CallError} from '../protocol/client';
+import {texts as shown} from '../texts/texts';
 import type {Link} from './link';
 
 /** What became of the newest emergency stop that was asked for here. */
@@ -39,14 +40,18 @@ export class Stop {
       const reply = object(await this.link.call('console/estop', request, kTimeoutMs));
       const failed = list(reply['failed'])
         .map(object)
-        .map((one) => `${text(one['device'], 'a device')}: ${text(one['why'], 'no reason given')}`);
+        .map((one) => `${text(one['device'], '?')}: ${text(one['why'], '?')}`);
       const stopped = texts(reply['stopped']);
       const notes = texts(reply['notes']);
       if (failed.length === 0 && stopped.length === 0 && notes.length > 0) failed.push(...notes);
       this.report.value =
         failed.length === 0
           ? {phase: 'done', stopped, notes}
-          : {phase: 'failed', words: `Not stopped: ${failed.join('; ')}.`, isAnswered: true};
+          : {
+              phase: 'failed',
+              words: shown.value.stop.notStopped(failed.join('; ')),
+              isAnswered: true,
+            };
     } catch (error) {
       this.fail(error as Error, device);
     }
@@ -67,7 +72,7 @@ export class Stop {
       };
       this.report.value = {phase: 'waiting'};
     } else {
-      const words = `Not confirmed: ${error.message}.`;
+      const words = shown.value.stop.notConfirmed(error.message);
       this.report.value = {phase: 'failed', words, isAnswered: false};
     }
   }
@@ -79,7 +84,7 @@ export class Stop {
     if (this.nowMs() - sinceMs <= kWaitMs) {
       void this.press(device);
     } else {
-      const words = 'Not sent: there was no connection for too long. Press again if it is needed.';
+      const words = shown.value.stop.notSent;
       this.report.value = {phase: 'failed', words, isAnswered: false};
     }
   }

@@ -339,6 +339,20 @@ export const kTexts = {
     titleNotStopped: ['NOT STOPPED: ', 'NICHT GESTOPPT: '],
     titleStopped: ['STOPPED: ', 'GESTOPPT: '],
   },
+  stop: {
+    notStopped: [
+      (which: string) => `Not stopped: ${which}.`,
+      (which: string) => `Nicht gestoppt: ${which}.`,
+    ],
+    notConfirmed: [
+      (why: string) => `Not confirmed: ${why}.`,
+      (why: string) => `Nicht bestätigt: ${why}.`,
+    ],
+    notSent: [
+      'Not sent: there was no connection for too long. Press again if it is needed.',
+      'Nicht gesendet: zu lange keine Verbindung. Bei Bedarf erneut drücken.',
+    ],
+  },
   parameters: {
     of: ['Parameters of', 'Parameter von'],
     none: [
@@ -422,6 +436,10 @@ export const kTexts = {
     ],
     keep: ['Keep and save', 'Behalten und speichern'],
     discard: ['Discard', 'Verwerfen'],
+    notSaved: [
+      (why: string) => `It is in force, but not saved: ${why}`,
+      (why: string) => `Es gilt, ist aber nicht gespeichert: ${why}`,
+    ],
     discardQuestion: [
       'The result of this calibration is lost.',
       'Das Ergebnis dieser Kalibrierung geht verloren.',
@@ -476,6 +494,16 @@ export const kTexts = {
     captured: [(age: string) => `captured ${age} ago`, (age: string) => `vor ${age} aufgenommen`],
     rate: [(hertz: number) => `at ${hertz} Hz`, (hertz: number) => `mit ${hertz} Hz`],
     notLive: ['not live', 'nicht live'],
+    insecure: [
+      'This browser decodes H.264 only from https or localhost. Open the page by one of them, or ' +
+        'let the camera give JPEG.',
+      'Dieser Browser dekodiert H.264 nur von https oder localhost. Die Seite so öffnen, oder die ' +
+        'Kamera JPEG senden lassen.',
+    ],
+    undecodable: [
+      (codec: string, why: string) => `The browser can't decode ${codec}: ${why}`,
+      (codec: string, why: string) => `Der Browser kann ${codec} nicht dekodieren: ${why}`,
+    ],
     help: [
       'The age of the picture, and by how much its time of capture may be wrong; its size in ' +
         'pixels, and its rate.',

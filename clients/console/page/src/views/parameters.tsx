@@ -2,6 +2,7 @@ import {useEffect, useState} from 'preact/hooks';
 import {useApp} from '../store/app';
 import {writeRoute} from '../store/route';
 import type {Form} from '../forms/form';
+import {folderOf} from '../model/groups';
 import type {Parameter} from '../forms/parameter';
 import {Badge, Card, Confirm, Empty, Notice} from '../parts/parts';
 import {texts} from '../texts/texts';
@@ -10,6 +11,8 @@ import {Field} from './field';
 
 /** Changes are told by the server; this catches what is not. */
 const kRefreshMs = 2000;
+/** So many names have a link each; more are in a list. */
+const kLinkMax = 12;
 
 /** The parameters of a device or a program, as a form made of their descriptions. */
 export function ParametersView() {
@@ -30,20 +33,52 @@ export function ParametersView() {
   return (
     <div class="parameters">
       <div class="picker">
-        <nav class="choice" aria-label={texts.value.parameters.of}>
-          {known.map((one) => (
-            <a
-              key={one}
-              href={writeRoute('parameters', one)}
-              {...(one === name ? {'aria-current': 'true' as const} : {})}
-            >
-              {one}
-            </a>
-          ))}
-        </nav>
+        {known.length > kLinkMax ? (
+          <Names names={known} chosen={name} />
+        ) : (
+          <nav class="choice" aria-label={texts.value.parameters.of}>
+            {known.map((one) => (
+              <a
+                key={one}
+                href={writeRoute('parameters', one)}
+                {...(one === name ? {'aria-current': 'true' as const} : {})}
+              >
+                {one}
+              </a>
+            ))}
+          </nav>
+        )}
       </div>
       <FormCard key={name} form={app.form(name)} />
     </div>
+  );
+}
+
+/** Many names, by folder. */
+function Names({names, chosen}: {names: readonly string[]; chosen: string}) {
+  const folders = [...new Set(names.map(folderOf))];
+  return (
+    <label class="names">
+      {texts.value.parameters.of}
+      <select
+        value={chosen}
+        onChange={(event) =>
+          (window.location.hash = writeRoute('parameters', event.currentTarget.value))
+        }
+      >
+        {folders.map((folder) => (
+          <optgroup key={folder} label={folder}>
+            {names
+              .filter((name) => folderOf(name) === folder)
+              .map((name) => (
+                <option key={name} value={name}>
+                  {name}
+                </option>
+              ))}
+          </optgroup>
+        ))}
+      </select>
+    </label>
   );
 }
 
