@@ -514,7 +514,7 @@ export const kTexts = {
   space: {
     direction: [
       'Where it points; the numbers are beside',
-      'Blickrichtung; die Zahlen stehen daneben',
+      'Wohin es zeigt; die Zahlen stehen daneben',
     ],
     view: [
       (name: string) => `3-D view of ${name}; arrow keys turn it, plus and minus zoom`,
