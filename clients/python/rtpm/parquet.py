@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import ctypes
 import enum
 import json
@@ -14,6 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
 from . import errors, recordings, schemas
@@ -68,6 +71,98 @@ def export(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Repo
             shutil.rmtree(draft, ignore_errors=True)
             raise
     return report
+
+
+def convert(tables: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Report:
+    """Writes the CSV files of a folder, as `rtpm bag export --csv` made it, as Parquet files.
+
+    A column has the narrowest of bool, int64, uint64, double and text that takes all its values.
+    """
+    source = Path(tables)
+    target = Path(folder)
+    draft = target.with_name(target.name + ".part")
+    for taken in (target, draft):
+        if taken.exists():
+            raise FileExistsError(
+                f"{taken} exists already. Remedy: choose another name, or remove it."
+            )
+    draft.mkdir()
+    row_count = 0
+    files = sorted(source.glob("*.csv"))
+    try:
+        for file in files:
+            row_count += _convert(file, draft / (file.stem + ".parquet"))
+        summary = json.loads((source / "recording.json").read_text())
+        for channel in summary["channels"]:
+            channel["file"] = channel["file"].removesuffix(".csv") + ".parquet"
+        (draft / "recording.json").write_text(json.dumps(summary, indent=1) + "\n")
+        draft.rename(target)
+    except BaseException:
+        shutil.rmtree(draft, ignore_errors=True)
+        raise
+    return Report(row_count, len(files), [])
+
+
+_NARROWEST = (pa.bool_(), pa.int64(), pa.uint64(), pa.float64())
+
+
+def _texts(path: Path) -> Any:
+    """Reads the file in blocks, with texts in all columns."""
+    with path.open(newline="") as file:
+        names = next(csv.reader(file))
+    return pa_csv.open_csv(
+        path,
+        parse_options=pa_csv.ParseOptions(newlines_in_values=True),
+        convert_options=pa_csv.ConvertOptions(
+            column_types={name: pa.string() for name in names},
+            null_values=[""],
+            strings_can_be_null=True,
+        ),
+    )
+
+
+def _convert(source: Path, target: Path) -> int:
+    """Converts a table in two passes, for types and for values, a block at a time."""
+    kinds: dict[str, list[Any]] = {}
+    for batch in _texts(source):
+        for name, column in zip(batch.schema.names, batch.columns, strict=True):
+            known = kinds.setdefault(name, list(_NARROWEST))
+            while known and column.null_count < len(column) and not _is(column, known[0]):
+                del known[0]
+    schema = pa.schema(
+        [
+            (
+                name,
+                pa.timestamp("ns", "UTC") if name == "time [UTC]" else (kind or [pa.string()])[0],
+            )
+            for name, kind in kinds.items()
+        ]
+    )
+    row_count = 0
+    with pq.ParquetWriter(target, schema) as writer:
+        for batch in _texts(source):
+            row_count += len(batch)
+            columns = [
+                _cast(column, kind)
+                for column, kind in zip(batch.columns, schema.types, strict=True)
+            ]
+            writer.write_batch(pa.record_batch(columns, schema=schema))
+    return row_count
+
+
+def _is(column: Any, kind: Any) -> bool:
+    if kind == pa.bool_():
+        allowed = pa.array(["true", "false"])
+        return bool(pc.all(pc.is_in(column.drop_null(), allowed)).as_py())
+    try:
+        column.cast(kind)
+    except pa.ArrowInvalid:
+        return False
+    return True
+
+
+def _cast(column: Any, kind: Any) -> Any:
+    return column if kind == pa.string() else column.cast(kind)
 
 
 def _export(recording: recordings.Recording, folder: Path) -> Report:
@@ -229,7 +324,13 @@ def main(arguments: list[str]) -> int:
     path, folder, *options = arguments
     is_json = "--json" in options
     try:
-        report = export(path, folder)
+        if "--tables" in options:
+            try:
+                report = convert(path, folder)
+            finally:
+                shutil.rmtree(path, ignore_errors=True)
+        else:
+            report = export(path, folder)
     except (OSError, errors.Error) as problem:
         text = f"{path} can't be exported: {problem}"
         print(
@@ -252,7 +353,8 @@ def main(arguments: list[str]) -> int:
             )
         )
     else:
-        print(f"{folder} has {report.message_count} messages in {report.topic_count} files")
+        kind = "rows" if "--tables" in options else "messages"
+        print(f"{folder} has {report.message_count} {kind} in {report.topic_count} files")
         for topic, reason, count in report.left_out:
             print(f"{topic}: {count} messages were left out: {reason}")
     return 1 if report.left_out else 0

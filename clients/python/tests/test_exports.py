@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -62,6 +63,13 @@ def file(laboratory: Laboratory, node: rtpm.Node, tmp_path_factory: pytest.TempP
         number = 0
         while recorder.poll() is None:
             number += 1
+            if number == 3:
+                trial = rtpm.trial(1, "soft, then hard", seed=7, node=node)
+            if number == 5:
+                trial.mark("touch")
+            if number == 8:
+                trial.response = "yes"
+                trial.close()
             pressed.push(_names["Force"](0.1 * number, -1e-300, number))
             answered.push(
                 _names["Answered"](
@@ -95,9 +103,9 @@ def _environment(laboratory: Laboratory) -> dict[str, str]:
     }
 
 
-def _exported(laboratory: Laboratory, file: Path, target: Path, kind: str) -> Path:
+def _exported(laboratory: Laboratory, file: Path, target: Path, kind: str, *options: str) -> Path:
     done = subprocess.run(
-        _rtpm(laboratory, "bag", "export", str(file), str(target), f"--{kind}"),
+        _rtpm(laboratory, "bag", "export", str(file), str(target), f"--{kind}", *options),
         env=_environment(laboratory),
         capture_output=True,
         text=True,
@@ -294,3 +302,96 @@ def test_a_missing_package_is_named(laboratory: Laboratory, file: Path, tmp_path
     assert done.returncode == 1
     assert "no pyarrow here" in done.stderr
     assert "pip install" in done.stderr
+
+
+@pytest.fixture(scope="module")
+def joined(laboratory: Laboratory, file: Path) -> Path:
+    """All topics in one table as recorded, and the trials."""
+    return _exported(laboratory, file, file.with_name("joined"), "csv", "--joined")
+
+
+def test_pandas_reads_a_joined_table(recording: Any, joined: Path) -> None:
+    import pandas as pd
+
+    frame = pd.read_csv(joined / "joined.csv", low_memory=False)
+    assert list(frame.columns[:5]) == ["time [UTC]", "seconds [s]", "trial", "condition", "marker"]
+    times = pd.to_datetime(frame["time [UTC]"]).astype("int64")
+    assert times.is_monotonic_increasing
+    assert times.is_unique
+    samples = recording["lab/arm0"].array()
+    rows = frame.set_index(times)["lab/arm0.position_m.x"]
+    assert list(rows.loc[samples["time_ns"]]) == list(samples["position_m"]["x"])
+    # Between its samples a device's last one is held.
+    assert rows.loc[samples["time_ns"][0] :].notna().all()
+    assert list(frame["marker"].dropna()) == ["touch"]
+    trial = frame[frame["trial"] == 1]
+    assert set(trial["condition"]) == {"soft, then hard"}
+    (only,) = pd.read_csv(joined / "trials.csv").to_dict("records")
+    assert (only["number"], only["response"], only["seed"]) == (1, "yes", 7)
+    assert trial["seconds [s]"].min() == pytest.approx(only["seconds [s]"], abs=1e-9)
+    assert only["end [s]"] - only["seconds [s]"] == pytest.approx(only["duration [s]"], abs=1e-3)
+
+
+@_reads_by("R", "--csv")
+def test_r_reads_a_joined_table(joined: Path) -> None:
+    import pandas as pd
+
+    if shutil.which("Rscript") is None:
+        pytest.skip("R is not installed (Debian's r-base-core)")
+    program = """
+    all <- read.csv("joined.csv", check.names = FALSE)
+    x <- all[["lab/arm0.position_m.x"]]
+    time <- as.POSIXct(all[["time [UTC]"]], format = "%Y-%m-%dT%H:%M:%OSZ", tz = "UTC")
+    trials <- read.csv("trials.csv", check.names = FALSE)
+    cat(nrow(all), ncol(all), is.numeric(x), sum(is.na(time)), trials[["condition"]], sep = "\\n")
+    cat("\\n", format(sum(x, na.rm = TRUE), digits = 15), sep = "")
+    """
+    done = subprocess.run(
+        ["Rscript", "--vanilla", "-e", program], cwd=joined, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    rows, columns, is_number, lacking, condition, total = done.stdout.split("\n")
+    frame = pd.read_csv(joined / "joined.csv", low_memory=False)
+    assert (int(rows), int(columns)) == frame.shape
+    assert (is_number, lacking, condition) == ("TRUE", "0", "soft, then hard")
+    assert float(total) == pytest.approx(frame["lab/arm0.position_m.x"].sum(), rel=1e-12)
+
+
+def test_joined_parquet_has_the_values_of_the_csv(
+    laboratory: Laboratory, joined: Path, file: Path
+) -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    import pandas as pd
+
+    folder = _exported(laboratory, file, file.with_name("joined2"), "parquet", "--joined")
+    assert not file.with_name("joined2.tables").exists()
+    frame = pd.read_parquet(folder / "joined.parquet")
+    text = pd.read_csv(joined / "joined.csv", low_memory=False)
+    assert list(frame) == list(text)
+    assert str(frame["time [UTC]"].dtype) == "datetime64[ns, UTC]"
+    for name in ("seconds [s]", "lab/arm0.position_m.x", "lab.Pressed/3.x"):
+        assert np.array_equal(frame[name], text[name], equal_nan=True), name
+    assert list(frame["marker"].dropna()) == ["touch"]
+    assert len(pd.read_parquet(folder / "trials.parquet")) == 1
+
+
+def test_a_part_of_chosen_columns(laboratory: Laboratory, file: Path, joined: Path) -> None:
+    import pandas as pd
+
+    folder = _exported(
+        laboratory, file, file.with_name("part"), "csv", "--joined", "--trial", "1",
+        "--columns", "position_m.*", "--topics", "lab/arm0", "--rate", "1000",
+    )  # fmt: skip
+    frame = pd.read_csv(folder / "joined.csv")
+    assert [name for name in frame if "." in name] == [f"lab/arm0.position_m.{i}" for i in "xyz"]
+    assert set(frame["trial"]) == {1}
+    steps = np.diff(frame["seconds [s]"])
+    assert np.allclose(steps, 1e-3)
+    done = subprocess.run(
+        _rtpm(laboratory, "bag", "export", str(file), str(folder) + "2", "--csv", "--joined",
+              "--columns", "position_n.x"),
+        env=_environment(laboratory), capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "no column is like 'position_n.x' (did you mean 'position_m.x'?)" in done.stderr
+    assert not Path(str(folder) + "2").exists()

@@ -1,14 +1,18 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "cli/progress.hpp"
 #include "recordings/commands.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/exports/bids.hpp"
 #include "rtpm/exports/export.hpp"
 
 namespace rtpm::tool {
@@ -21,7 +25,26 @@ struct ExportRequest {
   bool is_csv = false;
   bool is_parquet = false;
   bool is_video = false;
+  bool is_bids = false;
   std::string medium{};  ///< The camera; empty: the only one.
+  exports::TableOptions tables{};
+  exports::BidsOptions bids{};
+  std::optional<Duration> from{};
+  std::optional<Duration> to{};
+  std::vector<std::string> between{};
+  CLI::App* command = nullptr;  ///< Which has the options.
+
+  /// Whether the command line has an option of tables, and one that only tables have.
+  [[nodiscard]] bool has_table_options() const {
+    return has_only_tables() || command->count("--topics") > 0 || command->count("--rate") > 0;
+  }
+  [[nodiscard]] bool has_only_tables() const {
+    for (const char* const name :
+         {"--columns", "--joined", "--from", "--to", "--between", "--trial", "--condition"}) {
+      if (command->count(name) > 0) return true;
+    }
+    return false;
+  }
 };
 
 /// Debian has no library that writes Parquet files; Python has one.
@@ -36,9 +59,14 @@ sys.exit(parquet.main(sys.argv[1:]))
 )";
 
 /// Becomes Python's converter, which reports for itself.
-int export_parquet(const Context& context, const ExportRequest& request) {
-  ::execlp("python3", "python3", "-c", kParquetProgram, request.file.c_str(),
-           request.output.c_str(), context.json ? "--json" : nullptr, nullptr);
+int become_python(const Context& context, std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), {"python3", "-c", kParquetProgram});
+  if (context.json) arguments.emplace_back("--json");
+  std::vector<char*> texts;
+  for (std::string& argument : arguments)
+    texts.push_back(argument.data());
+  texts.push_back(nullptr);
+  ::execvp("python3", texts.data());
   return context.fail(SetupError{.what = "Parquet files are written by python3, which can't be run",
                                  .why = system_error(errno).message(),
                                  .remedy = "install Python, then: pip install 'rtpm[parquet]'"});
@@ -54,11 +82,23 @@ int report(const Context& context, const ExportRequest& request, const exports::
     print_json({{"output", request.output},
                 {"message_count", done.message_count},
                 {"topic_count", done.topic_count},
+                {"row_count", done.row_count},
+                {"late_count", done.late_count},
                 {"left_out", std::move(left_out)}});
   } else {
     print_line(printable(request.output) + " has " + std::to_string(done.message_count) +
                " messages in " + std::to_string(done.topic_count) +
-               (request.is_csv ? " files" : " topics"));
+               (request.is_bids                               ? " devices"
+                : request.is_csv && !request.tables.is_joined ? " files"
+                                                              : " topics") +
+               (done.row_count == 0 ? ""
+                : request.is_bids ? ", and " + std::to_string(done.row_count) + " trials and marks"
+                                  : ", as " + std::to_string(done.row_count) + " rows"));
+    if (done.late_count > 0) {
+      print_line(std::to_string(done.late_count) +
+                 " values came more than 1 s after later ones; they are in the rows of when they "
+                 "came");
+    }
     for (const exports::LeftOut& each : done.left_out) {
       print_line(printable(each.topic) + ": " + std::to_string(each.message_count) +
                  " messages were left out: " + printable(each.reason));
@@ -67,28 +107,89 @@ int report(const Context& context, const ExportRequest& request, const exports::
   return done.left_out.empty() ? kDone : kFailed;
 }
 
-int run(Context& context, const ExportRequest& request) {
-  const int format_count =
-      int{request.is_ros2} + int{request.is_csv} + int{request.is_parquet} + int{request.is_video};
+expected<exports::Report, SetupError> convert(Context& context, const ExportRequest& request,
+                                              const std::string& output) {
+  ProgressBar bar(context, "exporting");
+  const auto show = [&bar](auto part, auto whole) { return bar.show(part, whole); };
+  const auto reader =
+      recording::FileReader::open(request.file, recording::Incomplete::kRefuse, show);
+  if (!reader) return unexpected{reader.error()};
+  if (request.is_ros2) return exports::export_ros2(**reader, output, show);
+  if (request.is_bids) {
+    exports::BidsOptions options = request.bids;
+    options.topics = request.tables.topics;
+    options.rate_hz = request.tables.rate_hz;
+    return exports::export_bids(**reader, output, options, show);
+  }
+  return exports::export_csv(**reader, output, request.tables, show);
+}
+
+/// Tables that are chosen or joined are made as CSV first, which Python converts and removes.
+int export_parquet(Context& context, const ExportRequest& request) {
+  if (!request.has_table_options()) return become_python(context, {request.file, request.output});
+  const std::string tables = request.output + ".tables";
+  if (const auto done = convert(context, request, tables); !done) return context.fail(done.error());
+  return become_python(context, {tables, request.output, "--tables"});
+}
+
+int run(Context& context, ExportRequest& request) {
+  const int format_count = int{request.is_ros2} + int{request.is_csv} + int{request.is_parquet} +
+                           int{request.is_video} + int{request.is_bids};
   if (format_count != 1)
-    return context.fail("one of --ros2, --csv and --parquet, or --video, is required", kMisused);
+    return context.fail("one of --ros2, --csv, --parquet, --bids and --video is required",
+                        kMisused);
+  if (request.is_bids && request.has_only_tables()) {
+    return context.fail(
+        "--bids takes --topics and --rate only; `rtpm bag cut` makes a part of a "
+        "recording",
+        kMisused);
+  }
+  if ((request.is_ros2 || request.is_video) && request.has_table_options()) {
+    return context.fail(
+        "topics, columns, parts and rates are for --csv and --parquet; `rtpm bag cut` "
+        "makes a part of a recording",
+        kMisused);
+  }
+  if (request.from)
+    request.tables.part.from_s = std::chrono::duration<double>(*request.from).count();
+  if (request.to) request.tables.part.to_s = std::chrono::duration<double>(*request.to).count();
+  if (request.between.size() == 2)
+    request.tables.part.between = {request.between[0], request.between[1]};
   if (request.is_parquet) return export_parquet(context, request);
   if (request.is_video) return export_video(context, request.file, request.output, request.medium);
-  expected<exports::Report, SetupError> done{};
-  {
-    ProgressBar bar(context, "exporting");
-    const auto show = [&bar](auto part, auto whole) { return bar.show(part, whole); };
-    const auto reader =
-        recording::FileReader::open(request.file, recording::Incomplete::kRefuse, show);
-    if (!reader) {
-      done = unexpected{reader.error()};
-    } else if (request.is_csv) {
-      done = exports::export_csv(**reader, request.output, show);
-    } else {
-      done = exports::export_ros2(**reader, request.output, show);
-    }
-  }
+  const auto done = convert(context, request, request.output);
   return done ? report(context, request, *done) : context.fail(done.error());
+}
+
+void add_table_options(CLI::App& command, ExportRequest& request) {
+  exports::TableOptions& tables = request.tables;
+  command
+      .add_flag("--joined", tables.is_joined,
+                "One of all topics on one clock, each value held until the next one")
+      ->group("Tables");
+  command.add_option("--topics", tables.topics, "Only topics or devices like these")
+      ->type_name("PATTERN")
+      ->group("Tables");
+  command.add_option("--columns", tables.columns, "Only columns like these: 'position_m.*'")
+      ->type_name("PATTERN")
+      ->group("Tables");
+  command.add_option("--rate", tables.rate_hz, "Rows per second; without: as recorded")
+      ->type_name("HZ")
+      ->check(CLI::Range(1e-3, 1e6))
+      ->group("Tables");
+  add_duration(command, "--from", request.from, "Begin so long after the first message")
+      .group("Tables");
+  add_duration(command, "--to", request.to, "End so long after the first message").group("Tables");
+  command.add_option("--between", request.between, "From a mark to the next other one")
+      ->type_name("LABEL LABEL")
+      ->expected(2)
+      ->group("Tables");
+  command.add_option("--trial", tables.part.trial, "Only the trial with this number")
+      ->type_name("NUMBER")
+      ->group("Tables");
+  command.add_option("--condition", tables.part.condition, "Only trials of this condition")
+      ->type_name("TEXT")
+      ->group("Tables");
 }
 
 }  // namespace
@@ -99,6 +200,9 @@ void add_export(CLI::App& group, Context& context) {
       group, context, "export", "Convert a recording for ROS 2, or to tables",
       "  rtpm bag export run.mcap run_ros2.mcap --ros2\n"
       "  rtpm bag export run.mcap tables --csv\n"
+      "  rtpm bag export run.mcap tables --csv --joined --rate 100 --columns 'position_m.*'\n"
+      "  rtpm bag export run.mcap tables --csv --joined --trial 3\n"
+      "  rtpm bag export run.mcap study --bids --participant P07\n"
       "  rtpm bag export run.mcap run.mkv --video\n"
       "--ros2 writes a recording that 'ros2 bag play' and viewers of ROS 2 read: a device's pose,\n"
       "twist, applied_wrench, joint_states, joy, imu/data below /rtpm/DEVICE, /diagnostics, and "
@@ -110,14 +214,29 @@ void add_export(CLI::App& group, Context& context) {
       ->required()
       ->type_name("");
   command.add_flag("--ros2", request->is_ros2, "Write an MCAP file of ROS 2's standard messages");
-  command.add_flag("--csv", request->is_csv, "Write a CSV file for each channel");
+  command.add_flag("--csv", request->is_csv, "Write a CSV file for each channel, or --joined");
   command.add_flag("--parquet", request->is_parquet,
-                   "Write a Parquet file for each channel, by RTPM's Python package");
+                   "Write the same as Parquet files, by RTPM's Python package");
   CLI::Option* const video = command.add_flag(
       "--video", request->is_video, "Write a Matroska file of a camera's pictures and sound");
   command.add_option("--medium", request->medium, "The camera, where there are several")
       ->type_name("NAME")
       ->needs(video);
+  CLI::Option* const bids = command.add_flag(
+      "--bids", request->is_bids, "Add it to a data set in the layout of BIDS, which may be new");
+  const auto add_name = [&](const char* name, std::string& value, const char* help) {
+    command.add_option(name, value, help)->type_name("NAME")->needs(bids)->group("BIDS");
+  };
+  add_name("--participant", request->bids.participant,
+           "A code; without: that of the recording's session");
+  add_name("--task", request->bids.task, "The task; without: the session's experiment");
+  add_name("--session", request->bids.session, "The session, where a participant has several");
+  command.add_option("--run", request->bids.run, "Tells recordings of one task apart")
+      ->type_name("NUMBER")
+      ->needs(bids)
+      ->group("BIDS");
+  add_table_options(command, *request);
+  request->command = &command;
 }
 
 }  // namespace rtpm::tool

@@ -120,7 +120,7 @@ TEST_F(Csv, LeavesNothingWhenItIsStopped) {
   example.end();
   auto reader = recording::FileReader::open(file_);
   ASSERT_TRUE(reader);
-  EXPECT_FALSE(export_csv(**reader, out_, [](auto, auto) { return false; }));
+  EXPECT_FALSE(export_csv(**reader, out_, {}, [](auto, auto) { return false; }));
   EXPECT_FALSE(std::filesystem::exists(out_));
   EXPECT_FALSE(std::filesystem::exists(out_ + ".part"));
 }

@@ -265,6 +265,14 @@ expected<std::unique_ptr<Rows>, std::string> Rows::make(const recording::Schema&
   return std::unique_ptr<Rows>(new Rows(std::move(dynamic), payload, *std::move(columns)));
 }
 
+void Rows::keep(const std::vector<bool>& is_kept) {
+  std::vector<Column> kept;
+  for (std::size_t i = 0; i < columns_.size(); ++i) {
+    if (is_kept[i]) kept.push_back(std::move(columns_[i]));
+  }
+  columns_ = std::move(kept);
+}
+
 bool Rows::read(ConstBytes message, std::vector<std::string>& cells) {
   const auto table = dynamic_->as_table(payload_, message);
   if (!table) return false;

@@ -25,6 +25,9 @@ class Rows {
   Rows& operator=(const Rows&) = delete;
 
   [[nodiscard]] const std::vector<Column>& columns() const noexcept { return columns_; }
+  /// Forgets all other columns.
+  /// @param is_kept  for each column
+  void keep(const std::vector<bool>& is_kept);
   /// Reads a message into one cell for each column; an absent value is empty. Reuses the cells.
   /// @return   whether it matches the schema
   [[nodiscard]] bool read(ConstBytes message, std::vector<std::string>& cells);

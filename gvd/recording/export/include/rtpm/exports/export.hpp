@@ -2,7 +2,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "rtpm/base/setup_error.hpp"
@@ -21,15 +23,60 @@ struct LeftOut {
 struct Report {
   std::uint64_t message_count = 0;  ///< Converted ones.
   std::size_t topic_count = 0;      ///< Topics or files of the result.
+  std::uint64_t row_count = 0;      ///< Rows of tables at a rate, or of a joined one.
+  /// Values that came more than a second after later ones of other topics; they are in the rows of
+  /// the time when they came.
+  std::uint64_t late_count = 0;
   std::vector<LeftOut> left_out{};
 };
 
-/// Writes a folder with one CSV file per channel, and `recording.json` with the recording's times,
-/// channels and metadata. The folder appears when it is complete.
-/// @errors   the folder exists or can't be written; those of FileReader::read(); stopped
+/// The part of a recording that is exported; if several are given, what all have in common.
+struct Part {
+  std::optional<double> from_s{};  ///< Seconds from the recording's begin.
+  std::optional<double> to_s{};
+  /// From the first mark with the first label, to the next one with the second.
+  std::optional<std::pair<std::string, std::string>> between{};
+  std::optional<std::uint32_t> trial{};    ///< All trials of this number.
+  std::optional<std::string> condition{};  ///< All trials of this condition.
+};
+
+/// Chooses the content of tables. In patterns, `*` is any text and `?` any character.
+struct TableOptions {
+  std::vector<std::string> topics{};   ///< Patterns of topics or of devices' names; empty: all.
+  std::vector<std::string> columns{};  ///< Patterns of columns' names; empty: all.
+  Part part{};
+  /// One table with the numbers and texts of all topics, and with marks and trials. Each value is
+  /// held until the next one.
+  bool is_joined = false;
+  /// Rows at this rate, with the last value before each; 0: rows as recorded.
+  double rate_hz = 0;
+};
+
+/// The most rows of a table at a rate.
+inline constexpr double kRowCountMax = 2e9;
+
+/// The names of a recording that TableOptions can have; at most 1000 of each.
+struct TableChoices {
+  std::vector<std::string> topics{};
+  std::vector<std::uint32_t> trials{};
+  std::vector<std::string> conditions{};
+  std::vector<std::string> marks{};
+};
+
+/// @errors   those of FileReader::read(); stopped
+/// @realtime never
+[[nodiscard]] expected<TableChoices, SetupError> choices_of(
+    recording::FileReader& reader, const recording::Progress& progress = {});
+
+/// Writes a folder with one CSV file per channel, or `joined.csv`; with `trials.csv` if the
+/// recording has trials; and with `recording.json`: the recording's times, channels and metadata.
+/// The folder appears when it is complete. Memory does not depend on the recording's size.
+/// @errors   the folder exists or can't be written; a pattern, mark or trial that the recording
+///           does not have; too many rows; those of FileReader::read(); stopped
 /// @realtime never
 [[nodiscard]] expected<Report, SetupError> export_csv(recording::FileReader& reader,
                                                       const std::string& folder,
+                                                      const TableOptions& options = {},
                                                       const recording::Progress& progress = {});
 
 /// Writes a recording of the profile `ros2`, whose messages are of ROS 2's standard types only.

@@ -88,7 +88,7 @@ class ScalarReader {
 
   std::vector<ScalarField> fields_{};
   std::vector<Place> places_{};
-  std::size_t struct_size_ = 0;  ///< Of a bare struct; 0 for a FlatBuffer.
+  std::size_t struct_size_ = 0;  ///< The size of a bare struct; 0 for a FlatBuffer.
 };
 
 /// Descriptors by the device's name.
