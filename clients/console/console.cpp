@@ -72,6 +72,7 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
       parameters_(node, clients_, pool_, background_, post_),
       records_(node, {configuration.events, configuration.registry, configuration.recordings},
                router_, channels_, pool_, post_),
+      downloads_(configuration.recordings, router_, post_),
       hub_(node, configuration.events, post_,
            {[this](const HubEvent& event) { take_event(event); },
             [this](const Standing& standing) { hub_standing_ = standing; },
@@ -92,6 +93,7 @@ expected<void, SetupError> Console::start(
   stops_.start();
   desk_.start();
   if (auto started = records_.start(); !started) return started;
+  if (auto started = downloads_.start(); !started) return started;
   router_.add_json(
       "console/dismiss",
       [this](const PendingCall& call, const nlohmann::json& request) { dismiss(call, request); });
@@ -109,6 +111,7 @@ expected<void, SetupError> Console::start(
   every(kLatencyInterval, [this] { publish_graph(); });
   every(kMediaInterval, [this] { media_watch_.set_watched(media_channels_.watched()); });
   every(kIdleInterval, [this] { event_channels_.drop_idle(rt::now()); });
+  every(kIdleInterval, [this] { downloads_.expire(rt::now()); });
   every(kRenewInterval, [this] { desk_.renew(rt::now()); });
   every(kParameterInterval, [this] { parameters_.poll(); });
   return {};
@@ -155,6 +158,7 @@ void Console::stop() {
   }
   media_watch_.stop();
   records_.stop_reading();
+  downloads_.stop();
   pool_.stop();
   background_.stop();
   urgent_.stop();
@@ -193,6 +197,11 @@ void Console::on_close(Connection& connection, MonotonicTime since) {
   clients_.remove(id);
   hub_.end_log(id);
   desk_.on_close(id, since);
+  downloads_.on_close(id);
+}
+
+std::optional<Download> Console::take_download(std::string_view ticket) {
+  return downloads_.take(ticket, rt::now());
 }
 
 void Console::on_text(Connection& connection, std::string_view text) {

@@ -12,6 +12,7 @@
 #include "channels/event_channels.hpp"
 #include "channels/media_channels.hpp"
 #include "configuration.hpp"
+#include "downloads/download_desk.hpp"
 #include "live/device_state.hpp"
 #include "live/device_watch.hpp"
 #include "live/hub_report.hpp"
@@ -37,7 +38,7 @@ namespace rtpm::console {
 /// The page's server side: answers clients, and watches the system for them.
 /// @ownership refers to its node
 /// @threads  the web server's thread, except for start() and stop()
-class Console final : public ConnectionHandler {
+class Console final : public ConnectionHandler, public DownloadSource {
  public:
   Console(rpc::Node& node, const Configuration& configuration, Post post);
   ~Console() override;
@@ -53,6 +54,7 @@ class Console final : public ConnectionHandler {
   void on_text(Connection& connection, std::string_view text) override;
   void on_binary(Connection& connection, ConstBytes bytes) override;
   void on_close(Connection& connection, MonotonicTime since) override;
+  [[nodiscard]] std::optional<Download> take_download(std::string_view ticket) override;
 
  private:
   [[nodiscard]] expected<void, SetupError> start_threads();
@@ -88,6 +90,7 @@ class Console final : public ConnectionHandler {
   ObjectServices objects_services_;
   ParameterDesk parameters_;
   RecordDesk records_;
+  DownloadDesk downloads_;
   HubWatch hub_;
   DeviceWatch device_watch_;
   MediaWatch media_watch_;

@@ -5,6 +5,7 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <boost/asio/write.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
@@ -22,6 +23,7 @@
 #include "web/places.hpp"
 #include "web/request_rules.hpp"
 #include "web/token.hpp"
+#include "work/worker_pool.hpp"
 
 namespace rtpm::console {
 namespace {
@@ -42,6 +44,10 @@ constexpr auto kSilenceMax = std::chrono::seconds{5};
 constexpr auto kHandshakeTime = std::chrono::seconds{5};
 constexpr auto kAcceptRetry = std::chrono::milliseconds{100};
 constexpr auto kEndTime = std::chrono::milliseconds{500};
+/// How long a client may take for a block of a download.
+constexpr auto kBlockTime = std::chrono::seconds{60};
+constexpr std::size_t kBlockSize = std::size_t{256} << 10;
+constexpr std::string_view kDownloadPath = "/download/";
 constexpr std::uint32_t kHeaderSizeMax = 8 * 1024;
 constexpr std::uint64_t kBodySizeMax = 1024;
 constexpr std::uintmax_t kFileSizeMax = std::uintmax_t{64} << 20;
@@ -79,8 +85,12 @@ class HttpSession;
 class WebSocketSession;
 
 struct WebServer::Impl {
-  Impl(WebConfig wanted, ConnectionHandler& answering)
-      : config(std::move(wanted)), handler(answering), acceptor(context), retry(context) {}
+  Impl(WebConfig wanted, ConnectionHandler& answering, DownloadSource& offering)
+      : config(std::move(wanted)),
+        handler(answering),
+        source(offering),
+        acceptor(context),
+        retry(context) {}
 
   expected<void, SetupError> listen();
   void accept();
@@ -91,12 +101,14 @@ struct WebServer::Impl {
 
   WebConfig config;
   ConnectionHandler& handler;
+  DownloadSource& source;
   // Must outlive the context, whose destructor destroys the remaining sessions and their places.
   std::size_t socket_count = 0;
   PlaceTable requests{kRequestCountMax};
   PlaceTable observers{kObserverCountMax};
   PlaceTable operators{kOperatorCountMax};
   PlaceTable leaving{kLeavingCountMax};
+  PlaceTable downloads{kDownloadCountMax};
   asio::io_context context{1};
   tcp::acceptor acceptor;
   asio::steady_timer retry;
@@ -104,6 +116,10 @@ struct WebServer::Impl {
   std::uint64_t last_id = 0;
   std::set<WebSocketSession*> sessions{};
   bool is_ending = false;
+  /// The sessions for which `reader` reads a block.
+  std::set<std::shared_ptr<HttpSession>> reading{};
+  /// Reads the blocks of downloads, so that a slow disk delays no other client.
+  WorkerPool reader{};
 };
 
 namespace {
@@ -366,6 +382,7 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
     if (request.method() != http::verb::get && request.method() != http::verb::head) {
       return refuse(http::status::method_not_allowed, "only GET and HEAD are answered");
     }
+    if (target->path.starts_with(kDownloadPath)) return download(target->path);
     if (target->path == "/health") {
       return respond(http::status::ok, "application/json", "{\"status\":\"ok\"}");
     }
@@ -394,6 +411,68 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
     session->start(request, std::string(subprotocol));
   }
 
+  /// Sends the file of a ticket: "/download/TICKET/run.csv".
+  void download(const std::string& path) {
+    if (server_.downloads.is_full()) {
+      return refuse(http::status::service_unavailable,
+                    std::to_string(kDownloadCountMax) + " downloads are under way; try again");
+    }
+    // A browser that looks first must not use the ticket up.
+    if (parser_->get().method() != http::verb::get)
+      return refuse(http::status::method_not_allowed, "a download answers GET only");
+    const std::string_view ticket = std::string_view(path).substr(kDownloadPath.size());
+    auto download = server_.source.take_download(ticket.substr(0, ticket.find('/')));
+    if (!download) {
+      return refuse(http::status::not_found,
+                    "this download was fetched already, or is more than a minute old; make it "
+                    "anew on the page");
+    }
+    std::error_code cause;
+    const std::uintmax_t size = std::filesystem::file_size(download->path, cause);
+    file_ = std::ifstream(download->path, std::ios::binary);
+    if (cause || !file_) return refuse(http::status::not_found, "the file is gone");
+    place_.emplace(server_.downloads, peer_of(stream_.socket()), [this] { stream_.close(); });
+    left_ = size;
+    download_ = std::move(*download);
+    head(http::status::ok, download_.media_type);
+    keeps_alive_ = false;
+    response_.keep_alive(false);
+    response_.set(http::field::content_disposition,
+                  "attachment; filename=\"" + download_.name + "\"");
+    response_.set(http::field::accept_ranges, "none");
+    response_.content_length(size);
+    serializer_.emplace(response_);
+    stream_.expires_after(kResponseTime);
+    http::async_write_header(stream_, *serializer_,
+                             [self = shared_from_this()](error_code error, std::size_t) {
+                               if (!error) self->read_block();
+                             });
+  }
+
+  void read_block() {
+    if (left_ == 0 || server_.is_ending) return close();
+    server_.reading.insert(shared_from_this());
+    const bool is_queued = server_.reader.run("", [this] {
+      block_.resize(static_cast<std::size_t>(std::min<std::uintmax_t>(left_, kBlockSize)));
+      file_.read(block_.data(), static_cast<std::streamsize>(block_.size()));
+      block_.resize(static_cast<std::size_t>(file_.gcount()));
+      asio::post(server_.context, [this] { send_block(); });
+    });
+    if (!is_queued) server_.reading.erase(shared_from_this());
+  }
+
+  void send_block() {
+    const auto self = shared_from_this();
+    server_.reading.erase(self);
+    // The client sees by the length that the rest is missing.
+    if (block_.empty()) return stream_.close();
+    left_ -= block_.size();
+    stream_.expires_after(kBlockTime);
+    asio::async_write(stream_, asio::buffer(block_), [self](error_code error, std::size_t) {
+      if (!error) self->read_block();
+    });
+  }
+
   void send_file(const std::string& path) {
     const auto file = find_page_file(server_.config.page_folder, path);
     if (!file) {
@@ -417,9 +496,9 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
     respond(status, "text/plain; charset=utf-8", why + "\n");
   }
 
-  void respond(http::status status, std::string_view type, std::string body) {
+  /// Begins a response.
+  void head(http::status status, std::string_view type) {
     const auto& request = parser_->get();
-    const bool keeps_alive = keeps_alive_ && request.keep_alive();
     response_ = {status, 11};
     const auto set = [&](const char* name, std::string_view value) {
       response_.set(name, beast::string_view(value.data(), value.size()));
@@ -433,6 +512,12 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
     set("Cross-Origin-Opener-Policy", "same-origin");
     set("Cross-Origin-Resource-Policy", "same-origin");
     set("Content-Security-Policy", content_security_policy(text_of(request[http::field::host])));
+  }
+
+  void respond(http::status status, std::string_view type, std::string body) {
+    const auto& request = parser_->get();
+    const bool keeps_alive = keeps_alive_ && request.keep_alive();
+    head(status, type);
     response_.keep_alive(keeps_alive);
     response_.body() = std::move(body);
     response_.prepare_payload();
@@ -460,6 +545,11 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
   beast::flat_buffer buffer_{64 * 1024};
   std::optional<http::request_parser<http::string_body>> parser_{};
   http::response<http::string_body> response_{};
+  std::optional<http::response_serializer<http::string_body>> serializer_{};
+  Download download_{};
+  std::ifstream file_{};  ///< Used by the reader while this is in `reading`.
+  std::vector<char> block_{};
+  std::uintmax_t left_ = 0;  ///< Bytes of the download that were not sent.
 };
 
 expected<void, SetupError> WebServer::Impl::listen() {
@@ -535,9 +625,15 @@ void WebServer::Impl::end() {
 }
 
 expected<std::unique_ptr<WebServer>, SetupError> WebServer::create(WebConfig config,
-                                                                   ConnectionHandler& handler) {
+                                                                   ConnectionHandler& handler,
+                                                                   DownloadSource& downloads) {
   std::unique_ptr<WebServer> server(
-      new WebServer(std::make_unique<Impl>(std::move(config), handler)));
+      new WebServer(std::make_unique<Impl>(std::move(config), handler, downloads)));
+  if (auto started = server->impl_->reader.start(
+          {.name = "console-send", .thread_count = 2, .queued_max = 2 * kDownloadCountMax});
+      !started) {
+    return unexpected{started.error()};
+  }
   if (auto listening = server->impl_->listen(); !listening) return unexpected{listening.error()};
   return server;
 }

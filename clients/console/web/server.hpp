@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "downloads/download.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "web/connection.hpp"
@@ -19,6 +20,8 @@ namespace rtpm::console {
 inline constexpr std::size_t kRequestCountMax = 128;
 inline constexpr std::size_t kObserverCountMax = 64;
 inline constexpr std::size_t kOperatorCountMax = 64;
+/// Concurrent downloads; more are refused.
+inline constexpr std::size_t kDownloadCountMax = 8;
 /// The largest frame of a client in bytes, with the token and without.
 inline constexpr std::size_t kFrameSizeMax = std::size_t{1} << 20;
 inline constexpr std::size_t kObserverFrameSizeMax = std::size_t{64} << 10;
@@ -33,13 +36,13 @@ struct WebConfig {
 };
 
 /// Serves the page over HTTP and clients over WebSocket, on one port and one thread.
-/// @ownership refers to its handler, which must outlive it
+/// @ownership refers to its handler and the source of downloads, which must outlive it
 /// @threads  run(): one; post() and stop(): any; every(): before run() or on its thread
 class WebServer {
  public:
   /// @errors   the address can't be served
   [[nodiscard]] static expected<std::unique_ptr<WebServer>, SetupError> create(
-      WebConfig config, ConnectionHandler& handler);
+      WebConfig config, ConnectionHandler& handler, DownloadSource& downloads);
   WebServer(const WebServer&) = delete;
   WebServer& operator=(const WebServer&) = delete;
   ~WebServer();

@@ -61,6 +61,10 @@ const services = [
     'record_start',
     'record_stop',
     'recordings',
+    'download',
+    'download_choices',
+    'download_progress',
+    'download_cancel',
     'replay_open',
     'replay_seek',
     'replay_play',
@@ -196,6 +200,19 @@ const kCommands = {
     return {...made, drop_count: 0};
   },
   recordings: () => ({files}),
+  download({file, format}) {
+    if (!files.some((one) => one.file === file)) throw new Error(`there is no recording ${file}`);
+    const name = format === 'csv' ? file.replace('.mcap', '.csv') : file;
+    return {path: `/download/mock/${name}`, name, byte_count: 0, late_count: 0, left_out: []};
+  },
+  download_choices: () => ({
+    topics: system.devices.map(({name}) => `${name}/sampled`),
+    trials: [1, 2],
+    conditions: ['soft', 'hard'],
+    marks: ['begin', 'touch'],
+  }),
+  download_progress: () => ({part: 0.5}),
+  download_cancel: () => ({}),
   replay_open({file}) {
     const found = files.find((one) => one.file === file);
     if (!found) throw new Error(`there is no recording ${file}`);

@@ -12,6 +12,7 @@ import './styles/parts.css';
 import './styles/header.css';
 import './styles/views.css';
 import './styles/overview.css';
+import './styles/exports.css';
 import 'uplot/dist/uPlot.min.css';
 
 const nowMs = () => performance.now();

@@ -7,6 +7,7 @@ import {readState, standing, type ConsoleState, type Device} from '../model/stat
 import type {Json} from '../protocol/json';
 import {Calibration} from './calibration';
 import {Commands} from './commands';
+import {Exports, fetchByLink} from './exports';
 import {Feeds} from './feeds';
 import {Link} from './link';
 import {Log} from './log';
@@ -36,6 +37,7 @@ export class App {
   readonly log: Log;
   readonly markers: Markers;
   readonly recordings: Recordings;
+  readonly exports: Exports;
   /** The views show the recording that is open, instead of the live system. */
   readonly showsReplay: Signal<boolean> = signal(false);
 
@@ -67,6 +69,7 @@ export class App {
     this.log = new Log(link);
     this.markers = new Markers(link, () => this.consoleMs(), nowMs);
     this.recordings = new Recordings(link);
+    this.exports = new Exports(link, this.recordings, fetchByLink);
     const names = computed(() => this.devices.value.map((one) => one.name));
     const joined = computed(() => names.value.join('\n'));
     const stableNames = computed(() => joined.value.split('\n').filter((name) => name !== ''));

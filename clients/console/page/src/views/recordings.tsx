@@ -3,6 +3,7 @@ import {useSignal} from '@preact/signals';
 import {useApp} from '../store/app';
 import type {Entry} from '../store/recordings';
 import {writeRoute} from '../store/route';
+import {ExportMenu} from './export_menu';
 import {Badge, Card, Empty, Notice} from '../parts/parts';
 import {bytes, clock, dayAndTime, duration, thousands} from '../parts/text';
 
@@ -170,7 +171,8 @@ function Row({entry}: {entry: Entry}) {
       <td class="number">{duration((entry.endNs - entry.beginNs) / 1e9)}</td>
       <td class="number">{thousands(entry.messageCount)}</td>
       <td class="number">{bytes(entry.byteCount)}</td>
-      <td class="number">
+      <td class="number row-actions">
+        <ExportMenu file={entry.file} />
         <button
           type="button"
           disabled={!app.isLive.value || !app.mayCommand.value}
