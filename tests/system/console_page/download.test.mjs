@@ -3,16 +3,7 @@ import assert from 'node:assert/strict';
 import {readdirSync, readFileSync} from 'node:fs';
 import {after, before, it} from 'node:test';
 import {crc32, inflateRawSync} from 'node:zlib';
-import {
-  accessibilityFaults,
-  keep,
-  kSizes,
-  launch,
-  open,
-  show,
-  smallTargets,
-  until,
-} from './browser.mjs';
+import {accessibilityFaults, keep, launch, open, show, smallTargets, until} from './browser.mjs';
 import {System} from './programs.mjs';
 
 const artefacts = process.env.RTPM_ARTEFACTS;
@@ -126,7 +117,7 @@ it('tells which column is meant', async () => {
 });
 
 it('fits a phone, in the dark', async () => {
-  await page.setViewportSize(kSizes.phone);
+  await page.setViewportSize({width: 390, height: 844});
   await page.emulateMedia({colorScheme: 'dark'});
   await button(`Choose the tables of ${file}`).click();
   await form().waitFor();
