@@ -32,6 +32,7 @@ constexpr Duration kDeliverInterval = std::chrono::milliseconds{100};
 constexpr std::size_t kLostCountMax = 1024;
 constexpr Duration kRenewInterval = std::chrono::milliseconds{300};
 constexpr Duration kParameterInterval = std::chrono::seconds{2};
+constexpr Duration kMarkInterval = std::chrono::milliseconds{100};
 constexpr std::size_t kGarbageCountMax = 10;
 
 /// A hub given by name is found together with all other hubs.
@@ -73,6 +74,7 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
       records_(node, {configuration.events, configuration.registry, configuration.recordings},
                router_, channels_, pool_, post_),
       downloads_(configuration.recordings, router_, post_),
+      marks_(node, configuration.events, router_, channels_, pool_, post_),
       hub_(node, configuration.events, post_,
            {[this](const HubEvent& event) { take_event(event); },
             [this](const Standing& standing) { hub_standing_ = standing; },
@@ -94,6 +96,7 @@ expected<void, SetupError> Console::start(
   desk_.start();
   if (auto started = records_.start(); !started) return started;
   if (auto started = downloads_.start(); !started) return started;
+  marks_.start();
   router_.add_json(
       "console/dismiss",
       [this](const PendingCall& call, const nlohmann::json& request) { dismiss(call, request); });
@@ -114,6 +117,7 @@ expected<void, SetupError> Console::start(
   every(kIdleInterval, [this] { downloads_.expire(rt::now()); });
   every(kRenewInterval, [this] { desk_.renew(rt::now()); });
   every(kParameterInterval, [this] { parameters_.poll(); });
+  every(kMarkInterval, [this] { marks_.flush(); });
   return {};
 }
 
@@ -245,6 +249,7 @@ void Console::take_text(std::uint64_t id, foxglove::TextRequest request) {
   };
   if (const auto* const subscribe = std::get_if<foxglove::Subscribe>(&request)) {
     tell(channels_.subscribe(client, *subscribe));
+    marks_.greet(id, *subscribe);
   } else if (const auto* const unsubscribe = std::get_if<foxglove::Unsubscribe>(&request)) {
     tell(channels_.unsubscribe(client, *unsubscribe));
   } else if (const auto* const get = std::get_if<foxglove::GetParameters>(&request)) {
@@ -358,6 +363,7 @@ void Console::take_probe(const DeviceProbe& probe) {
 
 void Console::take_event(const HubEvent& event) {
   if (event.stream == EventStream::kLog) return event_channels_.publish_log(event);
+  if (event.stream == EventStream::kMark) return marks_.take(event);
   const std::string* const name = event_channels_.device_of(event.header.source);
   const auto device = name == nullptr ? devices_.end() : devices_.find(*name);
   if (device != devices_.end()) take_device_event(event, device->second, parameters_);

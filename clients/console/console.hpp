@@ -20,6 +20,7 @@
 #include "live/lane_watch.hpp"
 #include "live/media_watch.hpp"
 #include "live/object_watch.hpp"
+#include "marks/mark_desk.hpp"
 #include "operators/operator_desk.hpp"
 #include "operators/stop_desk.hpp"
 #include "parameters/parameter_desk.hpp"
@@ -91,6 +92,7 @@ class Console final : public ConnectionHandler, public DownloadSource {
   ParameterDesk parameters_;
   RecordDesk records_;
   DownloadDesk downloads_;
+  MarkDesk marks_;
   HubWatch hub_;
   DeviceWatch device_watch_;
   MediaWatch media_watch_;

@@ -63,7 +63,7 @@ const std::vector<Part>& parts() {
       {"gvd/recording/capture/",
        "capture",
        {"base", "wire", "rt", "rpc", "names", "introspection", "dynamic", "events", "recording",
-        "schema", "driver", "models", "safety", "viewers", "gvd", "media"}},
+        "schema", "driver", "models", "configuration", "safety", "viewers", "gvd", "media"}},
       {"gvd/recording/play/",
        "replay",
        {"base", "rt", "rpc", "program", "names", "introspection", "events", "recording", "driver",

@@ -21,13 +21,14 @@ enum class EventStream : std::uint8_t {
   kChange,   ///< Other reports of devices; all of them.
   kGeneric,  ///< Events of other types, decimated by the hub for each source separately.
   kLog,      ///< Events of a connection's log filter.
+  kMark,     ///< Trials of experiments, at most 200 per second.
 };
 
 /// An event from the hub, with its own copy of the payload.
 struct HubEvent {
   EventStream stream = EventStream::kChange;
   std::uint64_t connection_id = 0;  ///< The connection of a kLog filter.
-  /// Events that the rate limit of kLog dropped just before this one.
+  /// Events that the rate limit of kLog or kMark dropped just before this one.
   std::uint64_t omitted_count = 0;
   events::EventHeader header{};
   MonotonicTime arrived{};

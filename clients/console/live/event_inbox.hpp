@@ -58,8 +58,8 @@ class EventInbox {
     std::deque<HubEvent> events{};
     std::size_t byte_count = 0;
   };
-  static constexpr std::array kOrder{EventStream::kChange, EventStream::kSample, EventStream::kLog,
-                                     EventStream::kGeneric};
+  static constexpr std::array kOrder{EventStream::kChange, EventStream::kMark, EventStream::kSample,
+                                     EventStream::kLog, EventStream::kGeneric};
 
   [[nodiscard]] static std::size_t size_of(const HubEvent& event) noexcept {
     return sizeof event + event.payload.size();

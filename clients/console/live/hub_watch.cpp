@@ -1,6 +1,7 @@
 #include "live/hub_watch.hpp"
 
 #include <algorithm>
+#include <trial.rtpm.events.hpp>
 
 #include "rtpm/gvd/device_event.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -92,7 +93,8 @@ class HubWatch::Tap final : public events::EventHandler {
           watch_.types_ != nullptr && watch_.types_->find(event.header.type) != nullptr;
       watch_.lacks_type_ = watch_.lacks_type_ || !is_known;
     }
-    if (stream_ == EventStream::kLog && !is_admitted()) return;
+    const bool is_limited = stream_ == EventStream::kLog || stream_ == EventStream::kMark;
+    if (is_limited && !is_admitted()) return;
     HubEvent copy{.stream = stream_,
                   .connection_id = connection_id_,
                   .omitted_count = std::exchange(omitted_count_, 0),
@@ -172,6 +174,7 @@ bool HubWatch::open_main() {
       main_.reset();
       samples_.reset();
       others_.reset();
+      marks_.reset();
     }
   }
   if (main_) return true;
@@ -228,6 +231,13 @@ void HubWatch::open_others() {
   others_ = open(EventStream::kGeneric, 0, std::move(config), nullptr);
 }
 
+void HubWatch::open_marks() {
+  if (marks_) return;
+  events::ConsumerConfig config{.filter = events::of_type(TrialEvent::kType)};
+  config.delivery.queue_capacity = kQueueCapacity;
+  marks_ = open(EventStream::kMark, 0, std::move(config), nullptr);
+}
+
 void HubWatch::look() {
   std::set<std::uint64_t> ended;
   {
@@ -242,6 +252,7 @@ void HubWatch::look() {
   if (!open_main()) return;
   follow_devices();
   open_others();
+  open_marks();
   ask_types();
 }
 
@@ -266,6 +277,7 @@ expected<void, events::FilterTextError> HubWatch::set_log(std::uint64_t connecti
 
 void HubWatch::stop() {
   logs_.clear();
+  marks_.reset();
   others_.reset();
   samples_.reset();
   main_.reset();

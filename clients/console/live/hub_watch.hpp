@@ -27,9 +27,9 @@ struct HubCallbacks {
   std::function<void(std::shared_ptr<const events::HubTypes>)> on_types{};
 };
 
-/// Subscribes to a hub on behalf of all browsers, with three subscriptions regardless of the number
-/// of devices and sources: all changes of devices, the samples of devices, and events of other
-/// types, of which the hub passes 60 per second for each source. Reconnects to a hub that is
+/// Subscribes to a hub on behalf of all browsers, with four subscriptions regardless of the number
+/// of devices and sources: all changes of devices, the samples of devices, trials, and events of
+/// other types, of which the hub passes 60 per second for each source. Reconnects to a hub that is
 /// absent, ends or restarts.
 /// @ownership refers to its node
 /// @threads  look() and set_log(): one each, blocking; set_devices() and end_log(): any; stop():
@@ -62,6 +62,7 @@ class HubWatch {
   void ask_types();
   void follow_devices();
   void open_others();
+  void open_marks();
   [[nodiscard]] std::unique_ptr<Tap> open(EventStream stream, std::uint64_t connection_id,
                                           events::ConsumerConfig config, std::string* problem);
   void set_standing(bool is_ok, const std::string& problem);
@@ -88,6 +89,7 @@ class HubWatch {
   std::unique_ptr<Tap> main_;
   std::unique_ptr<Tap> samples_;
   std::unique_ptr<Tap> others_;
+  std::unique_ptr<Tap> marks_;
   std::mutex log_mutex_{};
   std::map<std::uint64_t, std::unique_ptr<Tap>> logs_;  ///< Guarded by `log_mutex_`.
 };

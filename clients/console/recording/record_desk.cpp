@@ -4,6 +4,7 @@
 
 #include "foxglove/base64.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/utc.hpp"
 
 namespace rtpm::console {
 namespace {
@@ -13,6 +14,8 @@ using OrderedJson = nlohmann::ordered_json;
 constexpr Duration kHubDeadline = std::chrono::milliseconds{500};
 /// The cameras and microphones of one recording.
 constexpr std::size_t kMediaCountMax = 16;
+/// The devices, and the topics, that a session selects.
+constexpr std::size_t kSelectedCountMax = 512;
 /// The time limit for opening a recording; one without a summary is read completely.
 constexpr Duration kOpenTimeMax = std::chrono::seconds{20};
 
@@ -21,15 +24,37 @@ std::string text_in(const nlohmann::json& request, const char* key) {
   return found != request.end() && found->is_string() ? found->get<std::string>() : std::string{};
 }
 
-/// The texts of a list, at most kMediaCountMax.
-std::vector<std::string> texts_in(const nlohmann::json& request, const char* key) {
+/// The texts of a list, at most `count_max`.
+std::vector<std::string> texts_in(const nlohmann::json& request, const char* key,
+                                  std::size_t count_max) {
   std::vector<std::string> texts;
   const auto found = request.find(key);
   if (found == request.end() || !found->is_array()) return texts;
   for (const nlohmann::json& one : *found) {
-    if (one.is_string() && texts.size() < kMediaCountMax) texts.push_back(one.get<std::string>());
+    if (one.is_string() && texts.size() < count_max) texts.push_back(one.get<std::string>());
   }
   return texts;
+}
+
+/// Sets file and session of the recording that a session's request describes.
+expected<std::string, SetupError> read_session(const nlohmann::json& request,
+                                               const RecordingFolder& folder,
+                                               capture::LiveRecordingConfig& config) {
+  capture::Session session{.participant = text_in(request, "participant"),
+                           .experiment = text_in(request, "experiment"),
+                           .condition = text_in(request, "condition"),
+                           .notes = text_in(request, "notes")};
+  if (auto checked = capture::check(session); !checked) return unexpected{checked.error()};
+  std::string pattern = text_in(request, "pattern");
+  if (pattern.empty()) pattern = capture::kSessionPattern;
+  const auto file = capture::session_file(pattern, session, rt::utc_ns(rt::now()));
+  if (!file) return file;
+  const auto path = folder.path_of(*file);
+  if (!path) return unexpected{path.error()};
+  config.devices = texts_in(request, "devices", kSelectedCountMax);
+  config.topics = texts_in(request, "topics", kSelectedCountMax);
+  config.session = std::move(session);
+  return std::filesystem::path(capture::free_path(path->string())).filename().string();
 }
 
 foxglove::ChannelInfo channel_info(const recording::Channel& channel,
@@ -66,6 +91,11 @@ expected<void, SetupError> RecordDesk::start() {
   add("record_start",
       [this](const PendingCall& call, const Json& request) { start_recording(call, request); });
   add("record_stop", [this](const PendingCall& call, const Json&) { stop_recording(call); });
+  // A session is a recording that states it: either ends the other.
+  add("session_start", [this](const PendingCall& call, const Json& request) {
+    start_recording(call, request, /*is_session=*/true);
+  });
+  add("session_stop", [this](const PendingCall& call, const Json&) { stop_recording(call); });
   add("recordings", [this](const PendingCall& call, const Json&) { list(call); });
   add("replay_open",
       [this](const PendingCall& call, const Json& request) { open_replay(call, request); });
@@ -110,7 +140,7 @@ recording::Progress RecordDesk::patience(std::uint64_t replay_id) {
   };
 }
 
-void RecordDesk::start_recording(const PendingCall& call, const Json& request) {
+void RecordDesk::start_recording(const PendingCall& call, const Json& request, bool is_session) {
   {
     const std::lock_guard lock(mutex_);
     if (is_changing_ || recording_) {
@@ -122,25 +152,30 @@ void RecordDesk::start_recording(const PendingCall& call, const Json& request) {
                         "rtpm-console has no folder for recordings: start it with "
                         "--recordings FOLDER");
   }
+  capture::LiveRecordingConfig config{.hub = config_.hub,
+                                      .registry = config_.registry,
+                                      .deadline = kHubDeadline,
+                                      .media = texts_in(request, "media", kMediaCountMax)};
   std::string file = text_in(request, "file");
+  if (is_session) {
+    auto named = read_session(request, folder_, config);
+    if (!named) return router_.fail(call, named.error().text());
+    file = std::move(*named);
+  }
   if (file.empty()) file = recording::name_by_time();
   const auto path = folder_.path_of(file);
   if (!path) return router_.fail(call, path.error().text());
   is_changing_ = true;
   const bool is_queued =
-      pool_.run("recording", [this, call, file, path = *path, media = texts_in(request, "media")] {
+      pool_.run("recording", [this, call, file, path = *path, config = std::move(config)] {
         std::string problem;
         std::shared_ptr<capture::LiveRecording> created;
-        if (auto recording = capture::LiveRecording::start(node_, path.string(),
-                                                           {.hub = config_.hub,
-                                                            .registry = config_.registry,
-                                                            .deadline = kHubDeadline,
-                                                            .media = media})) {
+        if (auto recording = capture::LiveRecording::start(node_, path.string(), config)) {
           created = std::move(*recording);
         } else {
           problem = recording.error().text();
         }
-        post_([this, call, file, problem, created] {
+        post_([this, call, file, problem, created, session = config.session] {
           is_changing_ = false;
           if (!created) return router_.fail(call, problem);
           {
@@ -148,6 +183,7 @@ void RecordDesk::start_recording(const PendingCall& call, const Json& request) {
             recording_ = created;
           }
           recorded_file_ = file;
+          session_ = session;
           problem_.clear();
           router_.succeed(call, OrderedJson{{"file", file}});
         });
@@ -170,13 +206,15 @@ void RecordDesk::stop_recording(const PendingCall& call) {
     const capture::LiveRecordingStatus status = ended->status();
     post_([this, call, status, problem = closed ? std::string{} : closed.error().text()] {
       is_changing_ = false;
+      session_.reset();
       problem_ = problem;
       if (!problem.empty()) return router_.fail(call, problem);
       router_.succeed(call,
                       OrderedJson{{"file", recorded_file_},
                                   {"message_count", status.recorder.message_count},
                                   {"drop_count", status.recorder.drop_count + status.lost_count},
-                                  {"byte_count", status.recorder.byte_count}});
+                                  {"byte_count", status.recorder.byte_count},
+                                  {"missing", status.reports}});
     });
   });
   if (!is_queued) {
@@ -281,6 +319,13 @@ nlohmann::ordered_json RecordDesk::recording_json() const {
     return {{"file", nullptr}, {"time_s", 0},     {"message_count", 0},
             {"byte_count", 0}, {"drop_count", 0}, {"problem", problem_}};
   }
+  OrderedJson session;
+  if (session_) {
+    session = {{"participant", session_->participant},
+               {"experiment", session_->experiment},
+               {"condition", session_->condition},
+               {"notes", session_->notes}};
+  }
   const capture::LiveRecordingStatus status = recording->status();
   const auto& problem = status.recorder.problem;
   return {{"file", recorded_file_},
@@ -288,7 +333,9 @@ nlohmann::ordered_json RecordDesk::recording_json() const {
           {"message_count", status.recorder.message_count},
           {"byte_count", status.recorder.byte_count},
           {"drop_count", status.recorder.drop_count + status.lost_count},
-          {"problem", problem ? problem->reason() : std::string{}}};
+          {"problem", problem ? problem->reason() : std::string{}},
+          {"session", std::move(session)},
+          {"missing", status.reports}};
 }
 
 nlohmann::ordered_json RecordDesk::replay_json() const {

@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "channels/channel_table.hpp"
@@ -14,6 +15,7 @@
 #include "recording/folder.hpp"
 #include "recording/replay_player.hpp"
 #include "rtpm/capture/live_recording.hpp"
+#include "rtpm/capture/session.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "services/call_router.hpp"
 #include "work/worker_pool.hpp"
@@ -45,7 +47,7 @@ class RecordDesk {
 
  private:
   using Json = nlohmann::json;
-  void start_recording(const PendingCall& call, const Json& request);
+  void start_recording(const PendingCall& call, const Json& request, bool is_session = false);
   void stop_recording(const PendingCall& call);
   void list(const PendingCall& call);
   /// Returns false when the desk ends, another recording is requested, or it takes too long.
@@ -71,6 +73,7 @@ class RecordDesk {
   std::shared_ptr<capture::LiveRecording> recording_{};  ///< Guarded by `mutex_`.
   bool is_changing_ = false;                             ///< A start or stop is in progress.
   std::string recorded_file_{};
+  std::optional<capture::Session> session_{};  ///< The current recording has it.
   std::string problem_{};
   std::shared_ptr<ReplayPlayer> player_{};
   std::string played_file_{};

@@ -62,6 +62,7 @@ from .events import (
 )
 from .recordings import Recorded, Recording, Topic, open
 from .servants import Call, Refusal, Servant, Server, current_call, serve
+from .sessions import Session, session
 from .trials import RunningTrial, mark, trial
 from .values import Buffer, Event, Struct, Table, Vector, replace
 
@@ -176,6 +177,7 @@ __all__ = [
     "ServantFailed",
     "Server",
     "Servo",
+    "Session",
     "SetupError",
     "Side",
     "Sphere",
@@ -215,6 +217,7 @@ __all__ = [
     "plot",
     "replace",
     "serve",
+    "session",
     "silence",
     "supplier",
     "transport_of",

@@ -7,6 +7,7 @@
 #include "recordings.hpp"
 #include "schema.hpp"
 #include "servants.hpp"
+#include "sessions.hpp"
 #include "waiting.hpp"
 
 NB_MODULE(_core, module) {
@@ -22,4 +23,5 @@ NB_MODULE(_core, module) {
   rtpm::python::define_servants(module);
   rtpm::python::define_events(module);
   rtpm::python::define_recordings(module);
+  rtpm::python::define_sessions(module);
 }

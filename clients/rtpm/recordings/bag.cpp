@@ -11,8 +11,12 @@
 #include "cli/output.hpp"
 #include "cli/progress.hpp"
 #include "cli/table.hpp"
+#include "devices/parameters.hpp"
 #include "recordings/commands.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/capture/parameters.hpp"
+#include "rtpm/capture/session.hpp"
+#include "rtpm/configuration/value_text.hpp"
 #include "rtpm/program/text.hpp"
 #include "rtpm/recording/file_reader.hpp"
 #include "rtpm/recording/repair.hpp"
@@ -29,6 +33,7 @@ struct BagRequest {
   Duration from{};  ///< Time after the first message.
   std::optional<Duration> to{};
   std::vector<std::string> topics{};
+  bool shows_parameters = false;
 };
 
 double seconds_of(std::uint64_t ns) {
@@ -71,8 +76,33 @@ std::vector<ChannelFacts> facts_of(FileReader& reader) {
   return list;
 }
 
-Json json_of(FileReader& reader, const std::string& path,
-             const std::vector<recording::Metadata>& metadata) {
+/// The content of `rtpm bag info`.
+struct Info {
+  std::vector<recording::Metadata> metadata{};
+  std::vector<capture::RecordedParameters> parameters{};
+  std::string parameters_problem{};  ///< Why they can't be read; empty if they can.
+};
+
+Json parameters_json(const capture::RecordedParameters& recorded, bool is_whole) {
+  Json json{{"device", recorded.device},
+            {"model", recorded.first.model},
+            {"serial", recorded.first.serial},
+            {"count", recorded.first.parameters.size()},
+            {"change_count", recorded.changes.size() + recorded.omitted_count}};
+  if (!is_whole) return json;
+  json["configuration"] = json_of(recorded.first);
+  Json changes = Json::array();
+  for (const capture::ParameterChange& change : recorded.changes) {
+    changes.push_back({{"time_ns", change.time_ns},
+                       {"revision", change.revision},
+                       {"values", json_of(change.settings)}});
+  }
+  json["changes"] = std::move(changes);
+  json["omitted_change_count"] = recorded.omitted_count;
+  return json;
+}
+
+Json info_json(FileReader& reader, const BagRequest& request, const Info& info) {
   const recording::Statistics& statistics = reader.statistics();
   Json channels = Json::array();
   for (const ChannelFacts& facts : facts_of(reader)) {
@@ -83,26 +113,90 @@ Json json_of(FileReader& reader, const std::string& path,
                         {"rate_hz", facts.rate_hz}});
   }
   Json more = Json::array();
-  for (const recording::Metadata& one : metadata)
+  for (const recording::Metadata& one : info.metadata)
     more.push_back({{"name", one.name}, {"values", one.values}});
-  return {{"file", path},
-          {"byte_count", std::filesystem::file_size(path)},
-          {"is_complete", reader.is_complete()},
-          {"begin_ns", statistics.begin_ns},
-          {"end_ns", statistics.end_ns},
-          {"message_count", statistics.message_count},
-          {"chunk_count", statistics.chunk_count},
-          {"channels", std::move(channels)},
-          {"metadata", std::move(more)}};
+  Json parameters = Json::array();
+  for (const capture::RecordedParameters& one : info.parameters)
+    parameters.push_back(parameters_json(one, request.shows_parameters));
+  Json json{{"file", request.file},
+            {"byte_count", std::filesystem::file_size(request.file)},
+            {"is_complete", reader.is_complete()},
+            {"begin_ns", statistics.begin_ns},
+            {"end_ns", statistics.end_ns},
+            {"message_count", statistics.message_count},
+            {"chunk_count", statistics.chunk_count},
+            {"session", nullptr},
+            {"channels", std::move(channels)},
+            {"parameters", std::move(parameters)},
+            {"metadata", std::move(more)}};
+  if (const auto session = capture::session_of(info.metadata)) {
+    json["session"] = {{"participant", session->participant},
+                       {"experiment", session->experiment},
+                       {"condition", session->condition},
+                       {"notes", session->notes}};
+  }
+  if (!info.parameters_problem.empty()) json["parameters_problem"] = info.parameters_problem;
+  return json;
 }
 
-std::string text_of(FileReader& reader, const std::string& path,
-                    const std::vector<recording::Metadata>& metadata) {
+std::string text_of(const capture::Session& session) {
+  std::vector<Row> rows;
+  const auto add = [&rows](const char* name, const std::string& text) {
+    if (!text.empty()) rows.push_back({name, printable(text, kShownWhole)});
+  };
+  add("participant", session.participant);
+  add("experiment", session.experiment);
+  add("condition", session.condition);
+  add("notes", session.notes);
+  return rows.empty() ? "" : aligned(rows, 2) + "\n";
+}
+
+/// Tables of all parameters at the beginning, and their changes.
+std::string whole_text_of(const capture::RecordedParameters& recorded) {
+  std::string text = "\n" + printable(recorded.device) + " (" + printable(recorded.first.model) +
+                     ", serial " + printable(recorded.first.serial) + ")\n" +
+                     table_of(recorded.first);
+  for (const capture::ParameterChange& change : recorded.changes) {
+    text += time_text(change.time_ns) + "\n";
+    const std::string lines = lines_of(change.settings);
+    for (std::size_t begin = 0; begin < lines.size();) {
+      const std::size_t end = lines.find('\n', begin);
+      text += "  " + lines.substr(begin, end - begin) + "\n";
+      begin = end + 1;
+    }
+  }
+  if (recorded.omitted_count > 0) {
+    text += "and " + std::to_string(recorded.omitted_count) + " more changes\n";
+  }
+  return text;
+}
+
+std::string text_of(const Info& info, bool is_whole) {
+  if (!info.parameters_problem.empty()) return "\n" + info.parameters_problem + "\n";
+  if (info.parameters.empty()) return "";
+  std::string text;
+  if (is_whole) {
+    for (const capture::RecordedParameters& one : info.parameters)
+      text += whole_text_of(one);
+    return text;
+  }
+  std::vector<Row> rows{{"DEVICE", "MODEL", "SERIAL", "PARAMETERS", "CHANGES"}};
+  for (const capture::RecordedParameters& one : info.parameters) {
+    rows.push_back({printable(one.device), printable(one.first.model), printable(one.first.serial),
+                    std::to_string(one.first.parameters.size()),
+                    std::to_string(one.changes.size() + one.omitted_count)});
+  }
+  return "\n" + aligned(rows, 3);
+}
+
+std::string text_of(FileReader& reader, const BagRequest& request, const Info& info) {
   const recording::Statistics& statistics = reader.statistics();
-  std::string text =
+  const auto session = capture::session_of(info.metadata);
+  std::string text = session ? text_of(*session) : "";
+  text +=
       formatted("%llu messages in %u chunks, %.1f MB",
                 static_cast<unsigned long long>(statistics.message_count), statistics.chunk_count,
-                static_cast<double>(std::filesystem::file_size(path)) * 1e-6);
+                static_cast<double>(std::filesystem::file_size(request.file)) * 1e-6);
   if (statistics.message_count > 0) {
     text += formatted(", %.3f s from ", seconds_of(statistics.end_ns - statistics.begin_ns)) +
             time_text(statistics.begin_ns);
@@ -115,7 +209,9 @@ std::string text_of(FileReader& reader, const std::string& path,
                     facts.rate_hz > 0 ? formatted("%.1f", facts.rate_hz) : "-"});
   }
   text += aligned(rows, 3);
-  for (const recording::Metadata& one : metadata) {
+  text += text_of(info, request.shows_parameters);
+  for (const recording::Metadata& one : info.metadata) {
+    if (one.name == capture::kSessionMetadata) continue;
     text += "\n" + printable(one.name) + "\n";
     for (const auto& [name, value] : one.values)
       text += "  " + printable(name) + " = " + printable(value) + "\n";
@@ -134,12 +230,18 @@ expected<std::unique_ptr<FileReader>, SetupError> open(Context& context, const B
 int info(Context& context, const BagRequest& request) {
   const auto reader = open(context, request, recording::Incomplete::kRead);
   if (!reader) return context.fail(reader.error());
-  const auto metadata = (*reader)->read_metadata();
+  auto metadata = (*reader)->read_metadata();
   if (!metadata) return context.fail(metadata.error());
-  if (context.json) {
-    print_json(json_of(**reader, request.file, *metadata));
+  Info info{.metadata = std::move(*metadata)};
+  if (auto parameters = capture::read_parameters(**reader)) {
+    info.parameters = std::move(*parameters);
   } else {
-    std::fputs(text_of(**reader, request.file, *metadata).c_str(), stdout);
+    info.parameters_problem = parameters.error().text();
+  }
+  if (context.json) {
+    print_json(info_json(**reader, request, info));
+  } else {
+    std::fputs(text_of(**reader, request, info).c_str(), stdout);
     if (!(*reader)->is_complete()) {
       std::printf("\nIt was not ended: `rtpm bag recover %s -o FILE` saves what is whole.\n",
                   printable(request.file).c_str());
@@ -293,6 +395,10 @@ class Actions {
         ->required()
         ->type_name("FILE");
   }
+  void add_parameters(CLI::App& command) {
+    command.add_flag("--parameters", request_->shows_parameters,
+                     "All parameters and calibrations of the devices, and each change");
+  }
   void add_selection(CLI::App& command) {
     add_duration(command, "--from", request_->from, "Begin so long after the first message");
     add_duration(command, "--to", request_->to, "End so long after the first message");
@@ -310,8 +416,11 @@ class Actions {
 void add_bag(CLI::App& program, Context& context) {
   CLI::App& group = add_command_group(program, "bag", "Look at recordings, repair and cut them");
   Actions actions(group, context);
-  actions.add("info", "Show the topics of a recording, their counts and rates",
-              "  rtpm bag info run.mcap\n", &info);
+  actions.add_parameters(actions.add(
+      "info", "Show the session, topics and parameters of a recording, and their counts",
+      "  rtpm bag info run.mcap\n"
+      "  rtpm bag info run.mcap --parameters\n",
+      &info));
   actions.add("check", "Read all of a recording, and say what is wrong with it",
               "The exit code is 1 if something is wrong.\n", &check);
   actions.add_output(actions.add("recover",

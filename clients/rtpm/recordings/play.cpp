@@ -39,6 +39,7 @@ struct PlayRequest {
   bool is_stepped = false;
   bool loops = false;
   bool holds = false;
+  bool is_of_parameters = false;
 };
 
 double seconds(Duration time) {
@@ -169,6 +170,12 @@ int play(Context& context, const PlayRequest& request) {
   if (request.selection.to && *request.selection.to < request.selection.from) {
     return context.fail("--to is before --from", kMisused);
   }
+  if (request.is_of_parameters) {
+    return restore_parameters(context, {.file = request.file,
+                                        .devices = request.selection.devices,
+                                        .folder = request.folder,
+                                        .from = request.selection.from});
+  }
   const auto recorded = load(context, request);
   if (!recorded) return context.fail(recorded.error());
   if (request.output.empty()) return play_into(context, request, *recorded, nullptr);
@@ -207,7 +214,11 @@ void add_play(CLI::App& program, Context& context) {
       "The devices have the names, descriptions and samples that `rtpm record` found, bit by bit,\n"
       "and refuse and accept commands as they did; but no command moves them. At the end they are\n"
       "lost, as if unplugged, for 1 s, and the program ends; with --step once each device has\n"
-      "shown its last sample. Ctrl-C ends it before.\n",
+      "shown its last sample. Ctrl-C ends it before.\n"
+      "--parameters sets the recorded parameters and calibrations at the devices of these names\n"
+      "instead, which then are as in the recording; nothing is played. Of a device all are set, "
+      "or\n"
+      "none. Only one of the same model and serial number is changed.\n",
       [request](Context& c) { return play(c, *request); });
   command.add_option("FILE", request->file, "The recording")->required()->type_name("");
   command
@@ -221,6 +232,10 @@ void add_play(CLI::App& program, Context& context) {
   add_duration(command, "--from", request->selection.from, "Begin so long after the first message");
   add_duration(command, "--to", request->selection.to, "End so long after the first message");
   add_pace_options(command, *request);
+  command
+      .add_flag("--parameters", request->is_of_parameters,
+                "Play nothing: set the recorded parameters, as at --from, at the devices")
+      ->excludes("--speed", "--step", "--loop", "--hold", "--topics", "--to");
   command
       .add_option("--hub", request->hub, "The hub that gets the events, by name or URL; none: none")
       ->capture_default_str()

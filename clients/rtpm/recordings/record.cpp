@@ -21,6 +21,8 @@
 #include "rtpm/capture/device_recorder.hpp"
 #include "rtpm/capture/hub_recorder.hpp"
 #include "rtpm/capture/medium_recorder.hpp"
+#include "rtpm/capture/parameters.hpp"
+#include "rtpm/capture/session.hpp"
 #include "rtpm/events/filter_text.hpp"
 #include "rtpm/events/hub_types.hpp"
 #include "rtpm/names/directory.hpp"
@@ -28,6 +30,7 @@
 #include "rtpm/recording/recorder.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
+#include "rtpm/rt/utc.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::tool {
@@ -45,9 +48,14 @@ struct RecordRequest : EventRequest {
   double poll_rate_hz = 60;
   std::vector<std::string> media{};  ///< Cameras and microphones, by name or URL.
   std::vector<std::string> calls{};  ///< Objects whose calls are tapped, by name or URL.
+  std::vector<std::string> only{};   ///< Devices and types of events; empty for all.
+  std::optional<capture::Session> session{};
+  std::string pattern{capture::kSessionPattern};  ///< Names a session's file.
 
   /// Whether events were requested explicitly.
-  [[nodiscard]] bool needs_hub() const { return is_hub_given || filter != "all"; }
+  [[nodiscard]] bool needs_hub() const {
+    return is_hub_given || filter != "all" || !only.empty() || session.has_value();
+  }
 };
 
 /// All sources of a recording.
@@ -71,7 +79,7 @@ class Sources {
     if (!request_.needs_hub() && !request_.calls.empty()) return kDone;
     auto types = events::HubTypes::ask(context_.node(), request_.hub, deadline_);
     const bool has_others = !request_.devices.empty() || !request_.media.empty();
-    if (!types && !request_.needs_hub() && has_others) return kDone;
+    if (!types && !request_.needs_hub() && has_others) return read_parameters(request_.devices);
     if (!types) {
       return context_.not_reached(with_similar_names(context_, request_.hub, types.error()));
     }
@@ -88,6 +96,13 @@ class Sources {
     if (hub_) hub_->attend();
     report();
   }
+  /// Writes what is known at the beginning: the session, versions, this host.
+  void write_facts() {
+    static_cast<void>(recorder_.write(capture::versions_metadata()));
+    if (request_.session) {
+      static_cast<void>(recorder_.write(capture::session_metadata(*request_.session)));
+    }
+  }
   /// Why a source ended by itself; nullopt if none did.
   [[nodiscard]] std::optional<SetupError> problem() const {
     for (const auto& server : calls_) {
@@ -97,6 +112,7 @@ class Sources {
   }
   /// Receives the remaining messages, and ends the sources; their counts stay readable.
   void end() {
+    if (parameters_) parameters_->stop();
     if (hub_) hub_->finish();
     if (devices_) devices_->stop();
     for (const auto& medium : media_)
@@ -162,9 +178,42 @@ class Sources {
     }
     return kDone;
   }
+  /// Records the parameters of these devices; of all if there are none.
+  int read_parameters(std::vector<std::string> devices) {
+    auto parameters = capture::ParameterRecorder::start(
+        context_.node(), recorder_,
+        {.hub = request_.hub, .registry = context_.registry, .devices = std::move(devices)});
+    if (!parameters) return context_.fail(parameters.error());
+    parameters_ = std::move(*parameters);
+    return kDone;
+  }
+  /// Splits --only into types of events that the hub knows, and devices.
+  expected<events::Filter, SetupError> filter_of_only(const events::HubTypes& types,
+                                                      std::vector<std::string>& devices) {
+    std::vector<std::string> topics;
+    for (const std::string& name : request_.only) {
+      const bool is_topic =
+          name.starts_with("rtpm.") ||
+          std::ranges::any_of(types.list(), [&](const auto* type) { return type->name == name; });
+      if (is_topic) {
+        topics.push_back(name);
+        continue;
+      }
+      const auto url = names::url_of(context_.node(), context_.registry, name);
+      if (!url) return unexpected{with_similar_names(context_, name, SetupError{url.error()})};
+      devices.push_back(name);
+    }
+    return capture::selection_of(types, devices, topics);
+  }
   int open_hub(events::HubTypes types) {
-    const auto filter = events::parse_filter(request_.filter, types.list());
+    auto filter = events::parse_filter(request_.filter, types.list());
     if (!filter) return context_.fail_at("filter", request_.filter, filter.error());
+    std::vector<std::string> devices;
+    if (!request_.only.empty()) {
+      auto chosen = filter_of_only(types, devices);
+      if (!chosen) return context_.fail(named("--only", chosen.error()));
+      *filter = std::move(*chosen);
+    }
     auto hub = capture::HubRecorder::create(context_.node(), recorder_, std::move(types),
                                             {.hub = request_.hub,
                                              .registry = context_.registry,
@@ -177,7 +226,7 @@ class Sources {
     add_clock(request_.hub);
     static_cast<void>(clocks_.add_devices(context_.registry));  // The hub recorder reports it.
     report();
-    return kDone;
+    return read_parameters(std::move(devices));
   }
   void add_clock(const std::string& name) {
     if (const auto url = names::url_of(context_.node(), context_.registry, name)) {
@@ -187,6 +236,9 @@ class Sources {
   void report() {
     const auto reports = hub_ ? hub_->take_reports() : std::vector<std::string>{};
     for (const std::string& text : reports)
+      rt::print_error("rtpm", text);
+    const auto missing = parameters_ ? parameters_->take_reports() : std::vector<std::string>{};
+    for (const std::string& text : missing)
       rt::print_error("rtpm", text);
     for (const auto& medium : media_) {
       for (const std::string& text : medium->take_reports())
@@ -207,6 +259,7 @@ class Sources {
   std::optional<capture::DeviceRecorder> devices_{};
   std::vector<std::unique_ptr<capture::MediumRecorder>> media_{};
   std::unique_ptr<capture::HubRecorder> hub_{};
+  std::unique_ptr<capture::ParameterRecorder> parameters_{};
   std::set<std::string> failed_{};  ///< Devices for which a failed poll was reported.
   capture::ClockSurvey clocks_{context_.node()};
 };
@@ -278,8 +331,21 @@ int wait_for_end(Context& context, const RecordRequest& request, recording::Reco
   return kDone;
 }
 
+/// Names the file of a session by its pattern; no file has that name.
+expected<std::string, SetupError> file_of_session(const RecordRequest& request) {
+  if (auto checked = capture::check(*request.session); !checked) return unexpected{checked.error()};
+  auto file = capture::session_file(request.pattern, *request.session, rt::utc_ns(rt::now()));
+  if (!file) return file;
+  return capture::free_path(*file);
+}
+
 int record(Context& context, RecordRequest& request) {
   static_cast<void>(context.stop());
+  if (request.session) {
+    auto file = file_of_session(request);
+    if (!file) return context.fail(file.error().text(), kMisused);
+    request.file = std::move(*file);
+  }
   if (request.file.empty()) request.file = recording::name_by_time();
   auto recorder = recording::Recorder::create(request.file, config_of(request));
   if (!recorder) return context.fail(recorder.error());
@@ -291,6 +357,10 @@ int record(Context& context, RecordRequest& request) {
     return exit_code;
   }
   const MonotonicTime begin = rt::now();
+  sources.write_facts();
+  if (request.session && !context.json) {
+    print_line("recording " + printable(request.file) + " until Ctrl-C");
+  }
   sources.write_clocks("begin");
   if (const recording::Metadata latency = kept_latency(); !latency.values.empty()) {
     static_cast<void>((*recorder)->write(latency));
@@ -326,6 +396,30 @@ void add_source_options(CLI::App& command, const std::shared_ptr<RecordRequest>&
                   "Calls of this object, by name or URL; may be repeated")
       ->type_name("TARGET")
       ->allow_extra_args(false);
+  command
+      .add_option("--only", request->only,
+                  "Only these devices and types of events, and trials: lab/arm0,lab.Touched")
+      ->delimiter(',')
+      ->type_name("NAMES")
+      ->excludes("--filter");
+  command.add_option("--compression", request->compression, "Of chunks")
+      ->check(CLI::IsMember({"zstd", "lz4", "none"}))
+      ->capture_default_str();
+}
+
+void add_session_options(CLI::App& command, RecordRequest& request) {
+  capture::Session& session = *request.session;
+  command.add_option("--participant", session.participant, "The participant's code, no name: P07");
+  command.add_option("--experiment", session.experiment, "The experiment");
+  command.add_option("--condition", session.condition, "The condition");
+  command.add_option("--notes", session.notes, "Notes for the reader of the recording");
+  for (const char* const name : {"--participant", "--experiment", "--condition", "--notes"})
+    command.get_option(name)->type_name("TEXT");
+  command
+      .add_option("--pattern", request.pattern,
+                  "The file's name; a number is added to a name that is taken")
+      ->type_name("PATTERN")
+      ->capture_default_str();
 }
 
 }  // namespace
@@ -353,9 +447,24 @@ void add_record(CLI::App& program, Context& context) {
   command.add_option("FILE", request->file, "The new file; without: rtpm-DATE-TIME.mcap")
       ->type_name("");
   add_source_options(command, request);
-  command.add_option("--compression", request->compression, "Of chunks")
-      ->check(CLI::IsMember({"zstd", "lz4", "none"}))
-      ->capture_default_str();
+}
+
+void add_session(CLI::App& program, Context& context) {
+  const auto request = std::make_shared<RecordRequest>();
+  request->session.emplace();
+  CLI::App& command = add_command(
+      program, context, "session", "Record a session of an experiment",
+      "  rtpm session --participant P07 --experiment touch --condition soft\n"
+      "  rtpm session --participant P07 --pattern 'data/{participant}_{date}_{time}'\n"
+      "Records like `rtpm record`, until Ctrl-C, into a new file that has the session, the\n"
+      "versions of RTPM and this host, the clocks, and all parameters and calibrations of the\n"
+      "devices with each change. The pattern's fields are {participant}, {experiment},\n"
+      "{condition}, {date} and {time} in UTC. `rtpm bag info` shows the session, `rtpm mark` "
+      "marks\n"
+      "moments and trials, and `rtpm play --parameters` sets the parameters again.\n",
+      [request](Context& c) { return record(c, *request); });
+  add_session_options(command, *request);
+  add_source_options(command, request);
 }
 
 }  // namespace rtpm::tool

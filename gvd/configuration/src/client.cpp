@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "rtpm/configuration/list_reply.hpp"
 #include "wire.hpp"
 
 namespace rtpm::gvd {
@@ -49,7 +50,29 @@ configuration::RunRequestT run_request(std::uint64_t run) {
   return request;
 }
 
+DeviceConfiguration configuration_of(const configuration::ListReply& reply) {
+  configuration::ListReplyT list;
+  reply.UnPackTo(&list);
+  DeviceConfiguration configuration{.model = list.model,
+                                    .serial = list.serial,
+                                    .revision = list.revision,
+                                    .is_active = list.is_active,
+                                    .is_persistent = list.is_persistent,
+                                    .is_unsaved = list.is_unsaved};
+  for (const auto& parameter : list.parameters) {
+    configuration.parameters.push_back({spec_from_wire(*parameter), from_wire(*parameter->value)});
+  }
+  return configuration;
+}
+
 }  // namespace
+
+std::optional<DeviceConfiguration> configuration_in(ConstBytes list_reply) {
+  // FlatBuffers must be read from aligned memory.
+  const std::vector<std::byte> bytes(list_reply.begin(), list_reply.end());
+  if (!rpc::is_valid_table<configuration::ListReply>(bytes)) return std::nullopt;
+  return configuration_of(*flatbuffers::GetRoot<configuration::ListReply>(bytes.data()));
+}
 
 const Parameter* DeviceConfiguration::find(std::string_view name) const noexcept {
   const auto found = std::ranges::find(parameters, name, [](const Parameter& parameter) {
@@ -80,18 +103,7 @@ ConfigurationClient::~ConfigurationClient() = default;
 expected<DeviceConfiguration, ConfigurationError> ConfigurationClient::list() {
   const auto reply = impl_->stub.list({}, impl_->options);
   if (!reply) return unexpected{failed(reply.error())};
-  configuration::ListReplyT list;
-  (*reply)->UnPackTo(&list);
-  DeviceConfiguration configuration{.model = list.model,
-                                    .serial = list.serial,
-                                    .revision = list.revision,
-                                    .is_active = list.is_active,
-                                    .is_persistent = list.is_persistent,
-                                    .is_unsaved = list.is_unsaved};
-  for (const auto& parameter : list.parameters) {
-    configuration.parameters.push_back({spec_from_wire(*parameter), from_wire(*parameter->value)});
-  }
-  return configuration;
+  return configuration_of(**reply);
 }
 
 expected<RevisedSettings, ConfigurationError> ConfigurationClient::get(

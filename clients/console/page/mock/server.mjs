@@ -19,6 +19,7 @@ const start = Date.now();
 const kSource = 3571832195; // lab/arm0
 let recording = null;
 let replay = null;
+const marks = [];
 const files = [
   {
     file: 'run-1.mcap',
@@ -41,7 +42,9 @@ function addChannel(topic, schemaName = '') {
     ...(schemaName ? {schemaEncoding: 'flatbuffer'} : {}),
   });
 }
-['console/state', 'console/latency', 'console/log'].forEach((topic) => addChannel(topic));
+['console/state', 'console/latency', 'console/log', 'console/marks'].forEach((topic) =>
+  addChannel(topic),
+);
 system.devices.forEach(({name}) => addChannel(`${name}/sample`, 'rtpm.device.Sampled'));
 addChannel(`rtpm.touch.Touched/${kSource}`, 'rtpm.touch.Touched');
 addChannel('lab/cam0/video', 'foxglove.CompressedImage');
@@ -60,6 +63,9 @@ const services = [
     'log_filter',
     'record_start',
     'record_stop',
+    'session_start',
+    'session_stop',
+    'mark',
     'recordings',
     'download',
     'download_choices',
@@ -187,6 +193,22 @@ const kCommands = {
     client.filter = filter;
     return {ok: true};
   },
+  session_start({participant, experiment, condition, notes}) {
+    const session = {participant, experiment, condition, notes};
+    recording = {file: `session-${files.length + 1}.mcap`, since: Date.now(), session};
+    return {file: recording.file};
+  },
+  session_stop: () => kCommands.record_stop(),
+  mark({label = '', phase = 'mark', number = 0, condition = '', response = '', time_ns}) {
+    const mark = {time_ns, label, phase, number, source: 0, condition, response};
+    if (phase === 'end') {
+      const begin = marks.findLast((one) => one.phase === 'begin' && one.number === number);
+      if (begin) mark.duration_ns = time_ns - begin.time_ns;
+    }
+    marks.push(mark);
+    publish('console/marks', {marks: [mark], omitted: 0});
+    return {ok: true, time_ns};
+  },
   record_start() {
     recording = {file: `run-${files.length + 1}.mcap`, since: Date.now()};
     return {file: recording.file};
@@ -297,6 +319,10 @@ server.on('connection', (socket, request) => {
     const message = JSON.parse(data.toString());
     if (message.op === 'subscribe') {
       message.subscriptions.forEach(({id, channelId}) => client.subscriptions.set(id, channelId));
+      const channel = channels.find((one) => one.topic === 'console/marks');
+      if (message.subscriptions.some(({channelId}) => channelId === channel.id)) {
+        publish('console/marks', {is_first: true, marks, omitted: 0});
+      }
     } else if (message.op === 'unsubscribe') {
       message.subscriptionIds.forEach((id) => client.subscriptions.delete(id));
     }
@@ -313,6 +339,8 @@ setInterval(() => {
     byte_count: (now - recording.since) * 170,
     drop_count: 0,
     problem: '',
+    session: recording.session ?? null,
+    missing: [],
   };
   publish('console/state', {
     time_ns: now * 1e6,

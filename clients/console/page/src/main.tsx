@@ -13,6 +13,7 @@ import './styles/header.css';
 import './styles/views.css';
 import './styles/overview.css';
 import './styles/exports.css';
+import './styles/session.css';
 import 'uplot/dist/uPlot.min.css';
 
 const nowMs = () => performance.now();

@@ -118,9 +118,18 @@ it('is refused while another browser operates the device, unless forced', async 
   expect(await app.commands.run('take_over', 'lab/arm0', true)).toBe(true);
 });
 
-it('records, replays and seeks', async () => {
-  await app.recordings.start([]);
-  await until(() => app.state.value?.recording.file !== null);
+it('records a session, replays and seeks', async () => {
+  const session = {
+    participant: 'P07',
+    experiment: 'touch',
+    condition: '',
+    notes: '',
+    pattern: '',
+    devices: [],
+    media: [],
+  };
+  expect(await app.recordings.startSession(session)).toBe(true);
+  await until(() => app.state.value?.recording.session?.participant === 'P07');
   await app.recordings.stop();
   const made = app.recordings.entries.value?.[0];
   expect(await app.recordings.open('run-1.mcap')).toBe(true);
@@ -141,4 +150,14 @@ it('points at what is wrong with a filter', async () => {
   await app.log.set('all');
   expect(app.log.filter.value).toBe('all');
   expect(app.log.fault.value).toBeNull();
+});
+
+it('marks moments and trials, and gets them back with their length', async () => {
+  await until(() => app.link.services.value.has('console/mark'));
+  expect(await app.markers.mark({label: 'yawns'})).toBe(true);
+  expect(await app.markers.mark({phase: 'begin', number: 1, condition: 'soft'})).toBe(true);
+  expect(await app.markers.mark({phase: 'end', number: 1, response: 'left'})).toBe(true);
+  await until(() => app.markers.live.rows.value.length === 3);
+  expect(app.markers.live.trials.value).toMatchObject([{number: 1, response: 'left'}]);
+  expect(app.markers.nextNumber.value).toBe(2);
 });

@@ -1,6 +1,7 @@
 #include "rtpm/capture/live_recording.hpp"
 
 #include <algorithm>
+#include <cstdio>
 #include <mutex>
 #include <span>
 #include <utility>
@@ -9,6 +10,7 @@
 #include "rtpm/capture/clock_survey.hpp"
 #include "rtpm/capture/hub_recorder.hpp"
 #include "rtpm/capture/medium_recorder.hpp"
+#include "rtpm/capture/parameters.hpp"
 #include "rtpm/events/hub_types.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -21,6 +23,7 @@ namespace {
 
 /// Interval of look-ups of unknown types and names.
 constexpr Duration kPeriod = std::chrono::milliseconds{200};
+constexpr std::size_t kReportCountMax = 32;
 
 /// The text as a JSON string. Bytes above ASCII are kept.
 std::string quoted(std::string_view text) {
@@ -65,10 +68,14 @@ struct LiveRecording::Impl {
   ~Impl() { static_cast<void>(stop()); }
 
   expected<void, SetupError> start(rpc::Node& node, events::HubTypes types,
-                                   const LiveRecordingConfig& config) {
-    auto created = HubRecorder::create(
-        node, *recorder, std::move(types),
-        {.hub = config.hub, .registry = config.registry, .deadline = config.deadline});
+                                   const LiveRecordingConfig& config, events::Filter filter) {
+    static_cast<void>(recorder->write(versions_metadata()));
+    if (config.session) static_cast<void>(recorder->write(session_metadata(*config.session)));
+    auto created = HubRecorder::create(node, *recorder, std::move(types),
+                                       {.hub = config.hub,
+                                        .registry = config.registry,
+                                        .deadline = config.deadline,
+                                        .filter = std::move(filter)});
     if (!created) return unexpected{created.error()};
     hub = std::move(*created);
     for (const std::string& name : config.media) {
@@ -77,6 +84,11 @@ struct LiveRecording::Impl {
       media.push_back(std::move(*medium));
     }
     add_clocks(node, config);
+    auto reading = ParameterRecorder::start(
+        node, *recorder,
+        {.hub = config.hub, .registry = config.registry, .devices = config.devices});
+    if (!reading) return unexpected{reading.error()};
+    parameters = std::move(*reading);
     auto begun = rt::Thread::start({.name = "rtpm-record", .realtime = rt::RealtimeMode::kOff},
                                    [this] { run(); });
     if (!begun) return unexpected{begun.error()};
@@ -86,9 +98,17 @@ struct LiveRecording::Impl {
 
   void run() {
     write_clocks("begin");
-    while (!ending.wait_until(rt::now() + kPeriod))
+    while (!ending.wait_until(rt::now() + kPeriod)) {
       hub->attend();
+      take_reports();
+    }
     write_clocks("end");
+  }
+  void take_reports() {
+    const std::lock_guard lock(mutex);
+    for (std::string& text : parameters->take_reports()) {
+      if (reports.size() < kReportCountMax) reports.push_back(std::move(text));
+    }
   }
 
   void add_clocks(rpc::Node& node, const LiveRecordingConfig& config) {
@@ -117,10 +137,14 @@ struct LiveRecording::Impl {
     if (thread.is_running()) {
       ending.post();
       thread.join();
+      parameters->stop();
+      take_reports();
       hub->finish();
       for (const auto& medium : media)
         medium->stop();
     }
+    // Where the thread did not start, it still records.
+    if (parameters) parameters->stop();
     return recorder->close();
   }
 
@@ -133,15 +157,22 @@ struct LiveRecording::Impl {
   std::uint32_t annotation_count = 0;
   std::unique_ptr<HubRecorder> hub{};
   std::vector<std::unique_ptr<MediumRecorder>> media{};
+  std::unique_ptr<ParameterRecorder> parameters{};
+  std::vector<std::string> reports{};  ///< Guarded by `mutex`.
   rt::Semaphore ending{};
   rt::Thread thread{};
 };
 
 expected<std::unique_ptr<LiveRecording>, SetupError> LiveRecording::start(
     rpc::Node& node, const std::string& file, LiveRecordingConfig config) {
+  if (config.session) {
+    if (auto checked = check(*config.session); !checked) return unexpected{checked.error()};
+  }
   // If the hub does not answer, no file is created.
   auto types = events::HubTypes::ask(node, config.hub, config.deadline);
   if (!types) return unexpected{types.error()};
+  auto filter = selection_of(*types, config.devices, config.topics);
+  if (!filter) return unexpected{filter.error()};
   if (!config.media.empty()) {
     recording::RecorderConfig& sizes = config.recorder;
     sizes.message_byte_max = std::max(sizes.message_byte_max, kPictureByteMax);
@@ -152,8 +183,12 @@ expected<std::unique_ptr<LiveRecording>, SetupError> LiveRecording::start(
   const auto channel = add_annotations(**recorder);
   if (!channel) return unexpected{channel.error()};
   auto impl = std::make_unique<Impl>(node, std::move(*recorder), *channel);
-  if (auto started = impl->start(node, std::move(*types), config); !started)
+  auto started = impl->start(node, std::move(*types), config, std::move(*filter));
+  if (!started) {
+    impl.reset();
+    static_cast<void>(std::remove(file.c_str()));  // It has no events.
     return unexpected{started.error()};
+  }
   return std::unique_ptr<LiveRecording>(new LiveRecording(std::move(impl)));
 }
 
@@ -170,12 +205,14 @@ recording::Recorder& LiveRecording::recorder() noexcept {
 
 LiveRecordingStatus LiveRecording::status() const {
   std::uint64_t lost_pieces = 0;
+  const std::lock_guard lock(impl_->mutex);
   for (const auto& medium : impl_->media)
     lost_pieces += medium->status().lost_count;
   return {.time = rt::now() - impl_->begin,
           .recorder = impl_->recorder->status(),
           .lost_count = impl_->hub->lost_count() + lost_pieces,
-          .undescribed_devices = impl_->hub->undescribed_devices()};
+          .undescribed_devices = impl_->hub->undescribed_devices(),
+          .reports = impl_->reports};
 }
 
 expected<void, SetupError> LiveRecording::stop() {

@@ -79,6 +79,13 @@ export interface NotStopped {
   readonly sinceS: number;
 }
 
+export interface Session {
+  readonly participant: string;
+  readonly experiment: string;
+  readonly condition: string;
+  readonly notes: string;
+}
+
 export interface Recording {
   readonly file: string | null;
   readonly timeS: number;
@@ -86,6 +93,10 @@ export interface Recording {
   readonly byteCount: number;
   readonly dropCount: number;
   readonly problem: string;
+  /** The experiment, as the recording states it. */
+  readonly session: Session | null;
+  /** Sentences about what is not recorded. */
+  readonly missing: readonly string[];
 }
 
 export interface Replay {
@@ -350,6 +361,19 @@ function readRecording(recording: JsonObject): Recording {
     byteCount: number(recording['byte_count']),
     dropCount: number(recording['drop_count']),
     problem: text(recording['problem']),
+    session: readSession(recording['session']),
+    missing: texts(recording['missing']),
+  };
+}
+
+function readSession(value: Json | undefined): Session | null {
+  if (value === null || value === undefined) return null;
+  const session = object(value);
+  return {
+    participant: text(session['participant']),
+    experiment: text(session['experiment']),
+    condition: text(session['condition']),
+    notes: text(session['notes']),
   };
 }
 

@@ -2,6 +2,7 @@ import {computed, signal, type ReadonlySignal, type Signal} from '@preact/signal
 import {list, number, numberOrNull, object, text} from '../protocol/fields';
 import type {Json, JsonObject} from '../protocol/json';
 import type {CallError, Message} from '../protocol/client';
+import {recall, remember} from './kept';
 import type {Link} from './link';
 
 export type Phase = 'mark' | 'begin' | 'end';
@@ -19,7 +20,7 @@ export interface Marker {
   readonly source: number;
   readonly condition: string;
   readonly response: string;
-  /** Of an end: since the beginning. */
+  /** An end has it: since the beginning. */
   readonly durationNs: number | null;
 }
 
@@ -195,7 +196,7 @@ export class Markers {
 
   setButtons(buttons: readonly MarkButton[]): void {
     this.buttons.value = buttons.slice(0, kButtonMax);
-    localStorage.setItem(kButtonsKey, JSON.stringify(this.buttons.value));
+    remember(kButtonsKey, JSON.stringify(this.buttons.value));
   }
 
   private untilLive(endMs: number): Promise<void> {
@@ -294,7 +295,7 @@ export function trialsOf(markers: readonly Marker[]): Trial[] {
 
 function readButtons(): readonly MarkButton[] {
   try {
-    const kept = JSON.parse(localStorage.getItem(kButtonsKey) ?? 'null') as Json;
+    const kept = JSON.parse(recall(kButtonsKey) ?? 'null') as Json;
     if (!Array.isArray(kept)) return kFirstButtons;
     return list(kept)
       .map(object)

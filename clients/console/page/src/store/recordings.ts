@@ -1,6 +1,7 @@
 import {signal, type Signal} from '@preact/signals';
 import {flag, list, number, object, text} from '../protocol/fields';
 import type {Json} from '../protocol/json';
+import {texts} from '../texts/texts';
 import type {Link} from './link';
 
 export interface Entry {
@@ -10,6 +11,17 @@ export interface Entry {
   readonly endNs: number;
   readonly messageCount: number;
   readonly isComplete: boolean;
+}
+
+/** A session and its selection; an empty list of devices: all. */
+export interface SessionRequest {
+  readonly participant: string;
+  readonly experiment: string;
+  readonly condition: string;
+  readonly notes: string;
+  readonly pattern: string;
+  readonly devices: readonly string[];
+  readonly media: readonly string[];
 }
 
 /** Recordings: making them, their list, and playing one. */
@@ -36,10 +48,16 @@ export class Recordings {
       .sort((a, b) => b.beginNs - a.beginNs);
   }
 
-  /** @param media  the cameras that are recorded, too */
-  async start(media: readonly string[]): Promise<void> {
-    const reply = await this.ask('record_start', {media});
-    if (reply !== null) this.done.value = `Recording to ${text(object(reply)['file'])}.`;
+  /** Starts a session's recording; without a word about the session, a recording by time. */
+  async startSession(session: SessionRequest): Promise<boolean> {
+    const {participant, experiment, condition, notes, devices, media} = session;
+    const isNamed = participant + experiment + condition + notes !== '' || devices.length > 0;
+    const reply = isNamed
+      ? await this.ask('session_start', {...session})
+      : await this.ask('record_start', {media});
+    if (reply === null) return false;
+    this.done.value = texts.value.session.recordingTo(text(object(reply)['file']));
+    return true;
   }
 
   async stop(): Promise<void> {

@@ -1,11 +1,11 @@
 import {useEffect} from 'preact/hooks';
-import {useSignal} from '@preact/signals';
 import {useApp} from '../store/app';
 import type {Entry} from '../store/recordings';
 import {writeRoute} from '../store/route';
 import {ExportMenu} from './export_menu';
 import {Badge, Card, Empty, Notice} from '../parts/parts';
-import {bytes, clock, dayAndTime, duration, thousands} from '../parts/text';
+import {bytes, dayAndTime, duration, thousands} from '../parts/text';
+import {SessionCard} from './session';
 
 /** Records, lists recordings, and opens one for replay. */
 export function RecordingsView() {
@@ -18,7 +18,7 @@ export function RecordingsView() {
   const {problem, done} = app.recordings;
   return (
     <div class="recordings">
-      <RecordCard />
+      <SessionCard />
       <Card
         title="Recordings"
         aside={
@@ -44,73 +44,6 @@ export function RecordingsView() {
         <List entries={app.recordings.entries.value} hasService={hasService} />
       </Card>
     </div>
-  );
-}
-
-function RecordCard() {
-  const app = useApp();
-  const recording = app.state.value?.recording;
-  const isUsable = app.isLive.value && app.mayCommand.value;
-  const isOn = recording !== undefined && recording.file !== null;
-  const media = (app.state.value?.media ?? []).map((one) => one.name);
-  const withMedia = useSignal(true);
-  return (
-    <Card title="Record" class="live-zone">
-      <div class="row">
-        {isOn ? (
-          <button
-            type="button"
-            class="record is-on"
-            data-testid="record"
-            disabled={!isUsable}
-            onClick={() => void app.recordings.stop()}
-          >
-            <i aria-hidden="true" />
-            Stop recording
-          </button>
-        ) : (
-          <button
-            type="button"
-            class="record"
-            data-testid="record"
-            disabled={!isUsable}
-            onClick={() => void app.recordings.start(withMedia.value ? media : [])}
-          >
-            <i aria-hidden="true" />
-            Record
-          </button>
-        )}
-        {isOn ? (
-          <p class="record-facts">
-            <b>{recording.file}</b> {clock(recording.timeS)} · {thousands(recording.messageCount)}{' '}
-            messages · {bytes(recording.byteCount)}
-            {recording.dropCount > 0 && (
-              <>
-                {' '}
-                · <Badge tone="warn">{thousands(recording.dropCount)} dropped</Badge>
-              </>
-            )}
-          </p>
-        ) : (
-          <p class="quiet">All events of the hub, with samples and touches, in one MCAP file.</p>
-        )}
-        {!isOn && media.length > 0 && (
-          <label>
-            <input
-              type="checkbox"
-              checked={withMedia.value}
-              onChange={(event) => (withMedia.value = event.currentTarget.checked)}
-            />{' '}
-            with picture and sound of {media.join(', ')}
-          </label>
-        )}
-      </div>
-      {recording !== undefined && recording.problem !== '' && (
-        <Notice tone="bad" role="alert">
-          {recording.problem}
-        </Notice>
-      )}
-    </Card>
   );
 }
 

@@ -10,11 +10,15 @@ import {EventsView} from './events';
 import {Header} from './header';
 import {IncidentsView} from './incidents';
 import {LiveView} from './live';
+import {MarkerBar} from './markers';
 import {OverviewView} from './overview';
 import {ParametersView} from './parameters';
 import {PlotsView} from './plots';
 import {RecordingsView} from './recordings';
 import {Timeline} from './timeline';
+
+/** Where an experimenter looks during a trial. */
+const kMarkedViews: ReadonlySet<View> = new Set<View>(['live', 'plots', 'recordings']);
 
 /** The page's frame: header with the stop, what must be known at once, and one view. */
 export function Shell() {
@@ -42,6 +46,7 @@ export function Shell() {
       <Banners />
       <main id="main" ref={main} tabIndex={-1}>
         <h1 class="visually-hidden">{texts.value.views[view]}</h1>
+        {kMarkedViews.has(view) && app.mayCommand.value && !app.showsReplay.value && <MarkerBar />}
         <Shown view={view} />
       </main>
       <Timeline />

@@ -31,6 +31,7 @@ inline constexpr const char* kEventKind = "event";
 inline constexpr const char* kSampleKind = "sample";            ///< Polled; a Sampled.
 inline constexpr const char* kDescriptionKind = "description";  ///< A device's Description.
 inline constexpr const char* kCommandKind = "command";          ///< A CommandRequest.
+inline constexpr const char* kParametersKind = "parameters";    ///< A configuration's ListReply.
 inline constexpr const char* kViewKind = "view";                ///< For viewers, made from samples.
 inline constexpr const char* kMediumKind = "medium";            ///< Pictures or sound.
 

@@ -2,12 +2,14 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/capture/session.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/recording/recorder.hpp"
@@ -24,6 +26,10 @@ struct LiveRecordingConfig {
   /// Names or URLs of cameras and microphones, which are recorded, too; see MediumRecorder. With
   /// any, the recorder takes messages of at least kPictureByteMax.
   std::vector<std::string> media{};
+  std::optional<Session> session{};  ///< See check().
+  /// Only these devices and event types, see selection_of(); all if both are empty.
+  std::vector<std::string> devices{};
+  std::vector<std::string> topics{};
 };
 
 /// The counts of a live recording so far.
@@ -33,6 +39,8 @@ struct LiveRecordingStatus {
   std::uint64_t lost_count = 0;  ///< Events and pictures that did not reach the recorder.
   /// Devices without a description: they are recorded, but can't be played.
   std::vector<std::string> undescribed_devices{};
+  /// Sentences about what is missing, such as devices whose parameters could not be read; at most 32.
+  std::vector<std::string> reports{};
 };
 
 /// Records all events of a hub in a file while the program runs, like `rtpm record`, but in
@@ -42,7 +50,8 @@ struct LiveRecordingStatus {
 /// @realtime set-up only, except Track::put() of a track from recorder().add_track()
 class LiveRecording {
  public:
-  /// @errors   no hub or medium answers; the file exists, or can't be written
+  /// @errors   no hub or medium answers; the file exists, or can't be written; those of check() and
+  ///           selection_of()
   [[nodiscard]] static expected<std::unique_ptr<LiveRecording>, SetupError> start(
       rpc::Node& node, const std::string& file, LiveRecordingConfig config = {});
   LiveRecording(const LiveRecording&) = delete;
