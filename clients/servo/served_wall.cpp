@@ -62,13 +62,6 @@ expected<void, gvd::ConfigurationError> WallParameters::apply(
   return {};
 }
 
-expected<std::unique_ptr<driver::Calibration>, gvd::ConfigurationError>
-WallParameters::make_calibration(std::string_view name) {
-  return refused(
-      gvd::ConfigurationOutcome::kUnknownCalibration,
-      {"rtpm-servo has no calibration " + std::string(name), "", "calibrate the device"});
-}
-
 ServedWall::ServedWall(std::unique_ptr<WallParameters> parameters) noexcept
     : parameters_(std::move(parameters)) {}
 

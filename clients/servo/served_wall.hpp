@@ -36,15 +36,9 @@ class WallParameters final : public gvd::Configurable {
 
   [[nodiscard]] const driver::Descriptor& descriptor() const noexcept override { return own_; }
   [[nodiscard]] std::vector<driver::ParameterSpec> parameters() const override;
-  [[nodiscard]] std::vector<driver::CalibrationInfo> calibrations() const override { return {}; }
   [[nodiscard]] expected<void, gvd::ConfigurationError> apply(
       std::span<driver::ParameterSetting> settings, bool needs_inactive) override;
-  [[nodiscard]] expected<std::unique_ptr<driver::Calibration>, gvd::ConfigurationError>
-  make_calibration(std::string_view name) override;
   [[nodiscard]] bool is_active() const noexcept override { return true; }
-  [[nodiscard]] std::optional<driver::Sample> newest() const noexcept override {
-    return std::nullopt;
-  }
 
  private:
   Configuration configuration_;

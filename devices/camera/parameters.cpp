@@ -157,12 +157,4 @@ expected<void, gvd::ConfigurationError> Parameters::apply(
   return {};
 }
 
-expected<std::unique_ptr<driver::Calibration>, gvd::ConfigurationError>
-Parameters::make_calibration(std::string_view name) {
-  return unexpected{gvd::ConfigurationError{
-      gvd::ConfigurationOutcome::kUnknownCalibration,
-      {},
-      {"it has no calibration " + std::string(name), "", "set its parameters instead"}}};
-}
-
 }  // namespace rtpm::camerad

@@ -30,9 +30,9 @@ class Configurable {
   /// The driver's parameters and the server's own, constant.
   /// @realtime set-up only
   [[nodiscard]] virtual std::vector<driver::ParameterSpec> parameters() const = 0;
-  /// The driver's calibrations, constant.
+  /// The driver's calibrations, constant; none by default.
   /// @realtime set-up only
-  [[nodiscard]] virtual std::vector<driver::CalibrationInfo> calibrations() const = 0;
+  [[nodiscard]] virtual std::vector<driver::CalibrationInfo> calibrations() const { return {}; }
 
   /// Changes all of `settings` or none between two cycles, and writes back the values that the
   /// device took over. The caller has checked them against parameters(). Waits a bounded time for
@@ -46,14 +46,21 @@ class Configurable {
   /// @realtime set-up only
   /// @errors   kBusy · kUnknownCalibration
   [[nodiscard]] virtual expected<std::unique_ptr<driver::Calibration>, ConfigurationError>
-  make_calibration(std::string_view name) = 0;
+  make_calibration(std::string_view name) {
+    return unexpected{ConfigurationError{
+        ConfigurationOutcome::kUnknownCalibration,
+        {},
+        {"there is no calibration " + std::string(name), "", "set parameters instead"}}};
+  }
 
   /// Whether the device is active, so that parameters with Mutability::kInactive can't change.
   /// @realtime alloc-free
   [[nodiscard]] virtual bool is_active() const noexcept = 0;
-  /// The newest sample; nullopt before the first.
+  /// The newest sample; nullopt before the first, and by default.
   /// @realtime alloc-free
-  [[nodiscard]] virtual std::optional<driver::Sample> newest() const noexcept = 0;
+  [[nodiscard]] virtual std::optional<driver::Sample> newest() const noexcept {
+    return std::nullopt;
+  }
 };
 
 /// Receives changes of parameters.
