@@ -9,6 +9,7 @@
 #include "foxglove/strict_json.hpp"
 #include "rtpm/base/nesting.hpp"
 #include "rtpm/gvd/device_event.hpp"
+#include "rtpm/gvd/models_wire.hpp"
 #include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/utc.hpp"
 
@@ -96,6 +97,14 @@ void EventChannels::publish_views(const std::string& device, const HubEvent& eve
   }
 }
 
+void EventChannels::set_models(const std::string& device, const HubEvent& event) {
+  const auto found = drawn_.find(device);
+  if (found == drawn_.end()) return;
+  if (const auto models = gvd::models_of(event.header.schema_id, event.payload)) {
+    found->second.view.set_models(*models, log_time_ns(event));
+  }
+}
+
 const std::string* EventChannels::device_of(events::SourceId source) const {
   const auto found = devices_.find(source);
   return found == devices_.end() ? nullptr : &found->second;
@@ -170,7 +179,9 @@ void EventChannels::publish(const HubEvent& event) {
       publish_sample(*device, event);
       break;
     case EventStream::kChange:
-      if (device != nullptr && !event.header.is_replayed) publish_change(*device, event);
+      if (device == nullptr) break;
+      if (event.header.type == gvd::kModelsRendered) set_models(*device, event);
+      if (!event.header.is_replayed) publish_change(*device, event);
       break;
     case EventStream::kGeneric:
       publish_generic(event);

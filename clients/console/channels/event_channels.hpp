@@ -57,6 +57,8 @@ class EventChannels {
   /// Removes the channels that a device does not share.
   void remove_views(const std::string& device);
   void publish_views(const std::string& device, const HubEvent& event, std::uint64_t time_ns);
+  /// Keeps the models that the device renders, for its next scenes.
+  void set_models(const std::string& device, const HubEvent& event);
   void publish_change(const std::string& device, const HubEvent& event);
   [[nodiscard]] nlohmann::ordered_json payload_json(const HubEvent& event);
 

@@ -21,11 +21,12 @@ constexpr int kHandOverCount = 64;
 constexpr std::uint32_t kLogRateMax = 200;
 constexpr std::size_t kLogCountMax = 64;
 
-/// The types kSampled … StopAllRequested, see device_events.fbs.
+/// The types of device_events.fbs from `first` on, without FlightCycle, which nobody pushes.
 std::vector<events::Match> device_types(events::EventType first) {
   std::vector<events::Match> matches;
   for (events::EventType type = first; type <= gvd::kConfigurationChanged + 1; ++type)
     matches.push_back({.type = type, .type_mask = events::kWholeNumber});
+  matches.push_back({.type = gvd::kModelsRendered, .type_mask = events::kWholeNumber});
   return matches;
 }
 

@@ -30,7 +30,7 @@ _EventClass = type[Event]
 _TYPE_MAX = 0x7FFF_FFFF
 _HUB_NAMES = {0x8000_0001: "timeout", 0x8000_0002: "link"}
 #: Device events; their source is a hash of the device's name: schema/idl/device_events.fbs.
-_DEVICE_TYPES = range(1380974593, 1380974601)
+_DEVICE_TYPES = {*range(1380974593, 1380974601), 1380974604}
 _DEVICE = "rtpm.device.Device"
 #: How often unknown types and names are asked for again, in seconds.
 _ASK_INTERVAL = 1.0

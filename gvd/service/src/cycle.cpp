@@ -365,6 +365,9 @@ void DeviceCycle::show_observer(MonotonicTime now) noexcept {
                               .lease_serial = Lease::serial_of(holder),
                               .is_held = holder != Lease::kNobody,
                               .last_end = shown_end_});
+  if (std::exchange(shown_models_, models_.revision()) != models_.revision()) {
+    config_.observer->on_models({now, sample_.sequence, models_.list()});
+  }
 }
 
 bool DeviceCycle::needs_maintenance(MonotonicTime now) const noexcept {

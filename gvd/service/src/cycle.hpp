@@ -203,6 +203,7 @@ class DeviceCycle {
   std::uint64_t last_holder_ = Lease::kNobody;
   std::uint64_t shown_holder_ = Lease::kNobody;  ///< The holder last reported to the observer.
   LeaseState shown_end_ = LeaseState::kUnknown;
+  std::uint64_t shown_models_ = 0;  ///< LocalModels::revision() last reported to the observer.
   SuccessRate success_{};
   DeviceCounters counters_{};
   MonotonicTime opened_at_{};

@@ -4,7 +4,14 @@ namespace rtpm::gvd {
 
 void LocalModels::hold(const HeldList& list) noexcept {
   lease_ = list.lease;
+  ++revision_;
   evaluator_.set(list.list);
+}
+
+void LocalModels::clear() noexcept {
+  if (is_empty()) return;
+  ++revision_;
+  evaluator_.clear();
 }
 
 void LocalModels::take_for(std::uint64_t holder) noexcept {
@@ -14,13 +21,13 @@ void LocalModels::take_for(std::uint64_t holder) noexcept {
 
 void LocalModels::drop_before_release() noexcept {
   const auto newest = mailbox_.take();
-  evaluator_.clear();
+  clear();
   if (newest && newest->is_after_release) hold(*newest);
 }
 
 void LocalModels::drop() noexcept {
   static_cast<void>(mailbox_.take());
-  evaluator_.clear();
+  clear();
 }
 
 }  // namespace rtpm::gvd

@@ -51,6 +51,10 @@ class LocalModels {
   void drop_before_release() noexcept;
   void drop() noexcept;
   [[nodiscard]] bool is_empty() const noexcept { return evaluator_.is_empty(); }
+  /// The list that is rendered.
+  [[nodiscard]] const ModelList& list() const noexcept { return evaluator_.list(); }
+  /// Changes with every list.
+  [[nodiscard]] std::uint64_t revision() const noexcept { return revision_; }
   [[nodiscard]] ModelForces evaluate(const driver::Sample& sample) noexcept {
     return evaluator_.evaluate(sample);
   }
@@ -63,10 +67,12 @@ class LocalModels {
   };
 
   void hold(const HeldList& list) noexcept;
+  void clear() noexcept;
 
   ModelLimits limits_;
   Mailbox<HeldList> mailbox_{};
   std::uint64_t lease_ = Lease::kNobody;  ///< The lease of the evaluator's list.
+  std::uint64_t revision_ = 0;
   Evaluator evaluator_{};
 };
 

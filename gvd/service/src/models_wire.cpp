@@ -1,6 +1,7 @@
 #include "rtpm/gvd/models_wire.hpp"
 
 #include <array>
+#include <device_events.rtpm.events.hpp>
 #include <optional>
 #include <utility>
 
@@ -133,6 +134,27 @@ struct Packer {
   }
 };
 
+using WireModels = flatbuffers::Vector<flatbuffers::Offset<device::Model>>;
+
+expected<ModelList, std::string> list_of(const WireModels& wire) {
+  std::array<Model, ModelList::kCountMax> models{};
+  const std::size_t count = wire.size();
+  if (count > models.size()) {
+    return unexpected{std::to_string(count) + " models; send at most " +
+                      std::to_string(models.size())};
+  }
+  std::size_t index = 0;
+  for (const device::Model* packed : wire) {
+    const auto model = model_of(*packed);
+    if (!model) {
+      return unexpected{"model " + std::to_string(index) +
+                        ": kind is not exactly one that this device's server knows"};
+    }
+    models[index++] = *model;
+  }
+  return ModelList{{models.data(), count}};
+}
+
 }  // namespace
 
 std::vector<std::unique_ptr<device::ModelT>> to_wire(std::span<const Model> models) {
@@ -147,22 +169,17 @@ std::vector<std::unique_ptr<device::ModelT>> to_wire(std::span<const Model> mode
 }
 
 expected<ModelList, std::string> from_wire(const device::SetModelsRequest& wire) {
-  std::array<Model, ModelList::kCountMax> models{};
-  const std::size_t count = wire.models()->size();
-  if (count > models.size()) {
-    return unexpected{std::to_string(count) + " models; send at most " +
-                      std::to_string(models.size())};
+  return list_of(*wire.models());
+}
+
+std::optional<ModelList> models_of(std::uint64_t schema_id, ConstBytes payload) {
+  using Event = device::ModelsRenderedEvent;
+  if (schema_id != Event::kSchemaId ||
+      !rpc::is_valid_table<Event::Payload>(payload, Event::kLimits)) {
+    return std::nullopt;
   }
-  std::size_t index = 0;
-  for (const device::Model* packed : *wire.models()) {
-    const auto model = model_of(*packed);
-    if (!model) {
-      return unexpected{"model " + std::to_string(index) +
-                        ": kind is not exactly one that this device's server knows"};
-    }
-    models[index++] = *model;
-  }
-  return ModelList{{models.data(), count}};
+  const auto list = list_of(*flatbuffers::GetRoot<Event::Payload>(payload.data())->models());
+  return list ? std::optional(*list) : std::nullopt;
 }
 
 }  // namespace rtpm::gvd

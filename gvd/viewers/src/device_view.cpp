@@ -42,13 +42,15 @@ std::vector<DeviceView::Due> DeviceView::take(const driver::Sample& sample, std:
 Message DeviceView::message_of(Type type, const driver::Sample& sample, const Stamp& stamp) const {
   if (type == Type::kPoseInFrame) return pose_message(stamp, sample.pose);
   if (type == Type::kFrameTransforms) return transform_message(stamp, device_, sample.pose);
-  return scene_message(stamp, {.device = device_,
-                               .position_m = sample.pose.position_m,
-                               .force_newton = sample.wrench_applied.force_newton,
-                               .models = models_.models(),
-                               .low_m = workspace_.low_m,
-                               .high_m = workspace_.high_m,
-                               .lifetime_ns = kSceneLifetimeNs});
+  const bool has_models = stamp.time_ns < models_until_ns_;
+  return scene_message(stamp,
+                       {.device = device_,
+                        .position_m = sample.pose.position_m,
+                        .force_newton = sample.wrench_applied.force_newton,
+                        .models = has_models ? models_.models() : std::span<const gvd::Model>{},
+                        .low_m = workspace_.low_m,
+                        .high_m = workspace_.high_m,
+                        .lifetime_ns = kSceneLifetimeNs});
 }
 
 }  // namespace rtpm::viewers

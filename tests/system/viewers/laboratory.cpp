@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -93,7 +94,7 @@ void ViewedLaboratory::SetUp() {
   ASSERT_TRUE(devices_);
   servo_.emplace(std::vector<std::string>{path_of("rtpm-servo"), "--registry", registry_->url,
                                           "--seconds", "0", "--realtime", "off", "--events",
-                                          "rtpm/events"});
+                                          "rtpm/events", "--render", "local"});
 }
 
 void ViewedLaboratory::TearDown() {
@@ -102,12 +103,16 @@ void ViewedLaboratory::TearDown() {
   if (!folder_.empty()) std::filesystem::remove_all(folder_);
 }
 
-std::string ViewedLaboratory::record(int seconds) const {
+std::string ViewedLaboratory::record(int seconds) {
   const std::string file = folder_ + "/run.mcap";
-  const auto end = run_program("rtpm", {"record", file, "--for", std::to_string(seconds) + "s",
-                                        "--registry", registry_->url});
-  EXPECT_EQ(end.exit_code, 0) << end.errors;
-  return end.exit_code == 0 ? file : "";
+  test::Process recorder({path_of("rtpm"), "record", file, "--for", std::to_string(seconds) + "s",
+                          "--registry", registry_->url});
+  EXPECT_FALSE(recorder.wait(std::chrono::milliseconds{750 * seconds})) << recorder.errors();
+  servo_->send_signal(SIGINT);
+  const auto end = recorder.wait(kPatience);
+  const bool is_recorded = end && end->exit_code == 0;
+  EXPECT_TRUE(is_recorded) << recorder.errors();
+  return is_recorded ? file : "";
 }
 
 std::string ViewedLaboratory::start_console() {
@@ -183,6 +188,22 @@ void expect_drawn_as_sampled(const std::map<std::string, Json>& channels,
   EXPECT_GT(pose_count, 10u);
   EXPECT_GT(transform_count, 10u);
   EXPECT_GT(arrow_count, 0u);
+}
+
+void expect_wall_until_end(const std::map<std::string, Json>& channels) {
+  std::string walls;  // One character for each change.
+  for (const Json& message : channels.at("lab/arm0/force")["messages"]) {
+    const Json& models = message["value"]["entities"][1];
+    EXPECT_EQ(models["id"], "lab/arm0/models");
+    const char wall = models["cubes"].size() == 1 ? 'w' : '-';
+    if (walls.empty() || walls.back() != wall) walls += wall;
+  }
+  // The recorder may know the device before it hears of its models.
+  EXPECT_TRUE(walls == "w-" || walls == "-w-") << walls;
+  const Json& lists = channels.at("lab/arm0/models_rendered")["messages"];
+  ASSERT_GE(lists.size(), 2u);
+  EXPECT_EQ(lists.front()["value"]["models"].size(), 1u);
+  EXPECT_TRUE(lists.back()["value"]["models"].empty());
 }
 
 namespace {

@@ -28,8 +28,9 @@ class ViewedLaboratory : public testing::Test {
  protected:
   void SetUp() override;
   void TearDown() override;
-  /// Records `seconds`; the file's path, empty if the test failed.
-  [[nodiscard]] std::string record(int seconds) const;
+  /// Records `seconds`, of which the force loop runs about the first three quarters; the file's path,
+  /// empty if the test failed.
+  [[nodiscard]] std::string record(int seconds);
   /// Starts a console; its WebSocket's URL, empty if the test failed.
   [[nodiscard]] std::string start_console();
 
@@ -43,7 +44,7 @@ class ViewedLaboratory : public testing::Test {
   std::string folder_{};
   std::optional<Daemon> registry_{};
   std::optional<Daemon> devices_{};
-  std::optional<test::Process> servo_{};
+  std::optional<test::Process> servo_{};  ///< Its wall is a model in the arm's own loop.
   std::optional<test::Process> console_{};
 };
 
@@ -56,6 +57,9 @@ void expect_opened(const std::map<std::string, Json>& channels);
 /// @param sample_leaf  the end of the samples' topics
 void expect_drawn_as_sampled(const std::map<std::string, Json>& channels,
                              const std::string& sample_leaf);
+
+/// Asserts that the scenes of the arm show its wall until the force loop ended.
+void expect_wall_until_end(const std::map<std::string, Json>& channels);
 
 /// Asserts that the panels of the layout that RTPM ships show something of these channels.
 /// @param sample_leaf  as above; paths with the other end are of the other source

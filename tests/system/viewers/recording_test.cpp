@@ -128,6 +128,7 @@ TEST_F(ViewedRecording, OpensInFlatbuffersReflection) {
   const Channels channels = view("file.mjs '" + file + "'");
   expect_opened(channels);
   expect_drawn_as_sampled(channels, "/sampled");
+  expect_wall_until_end(channels);
   expect_samples(file, channels);
   for (const char* const topic : {"lab/arm0/description", "lab/gaze0/button_changed",
                                   "lab/knob0/button_changed", "lab/arm0/contact_changed"}) {

@@ -266,6 +266,49 @@ TEST_F(ModelsInTheCycle, EndWithALostDevice) {
   EXPECT_EQ(applied(), Vector3{});
 }
 
+/// The number of models in each list that an observer was told.
+class ModelCounts final : public CycleObserver {
+ public:
+  void on_cycle(const CycleRecord& record) noexcept override { cycle_ = record.sample.sequence; }
+  void on_models(const ModelsRecord& record) noexcept override {
+    EXPECT_EQ(record.cycle, cycle_);
+    counts_.push_back(record.list.models().size());
+  }
+  [[nodiscard]] std::vector<std::size_t> take() { return std::exchange(counts_, {}); }
+
+ private:
+  std::uint64_t cycle_ = 0;
+  std::vector<std::size_t> counts_{};
+};
+
+TEST_F(ModelsInTheCycle, AreReportedToTheObserverWhenTheyChangeAndEnd) {
+  ModelCounts seen;
+  cycle_.emplace(driver_, CycleConfig{.observer = &seen}, SipKey{1, 2});
+  ASSERT_TRUE(cycle_->begin(now_));
+  acquire();
+  run(10);
+  EXPECT_EQ(seen.take(), std::vector<std::size_t>{});
+  ASSERT_TRUE(set({kFloor}));
+  run_renewed(10);
+  ASSERT_TRUE(set({kFloor, Friction{0, 0, 0.1}}));
+  run_renewed(10);
+  EXPECT_EQ(seen.take(), (std::vector<std::size_t>{1, 2}));
+  ASSERT_TRUE(cycle_->lease().release(lease_));
+  run(10);
+  EXPECT_EQ(seen.take(), std::vector<std::size_t>{0}) << "released";
+  run(200);
+  acquire();
+  ASSERT_TRUE(set({kFloor}));
+  run(1500);
+  EXPECT_EQ(seen.take(), (std::vector<std::size_t>{1, 0})) << "silent";
+  acquire();
+  ASSERT_TRUE(set({kFloor}));
+  run();
+  cycle_->emergency_stop();
+  run(10);
+  EXPECT_EQ(seen.take(), (std::vector<std::size_t>{1, 0})) << "stopped";
+}
+
 TEST_F(ModelsInTheCycle, BecomeTheEffortOfADial) {
   driver_.descriptor.joints = {{"dial", "rad", 0, 0, 0, 0.05}};
   driver_.descriptor.modes = {CommandMode::kJointEffort};

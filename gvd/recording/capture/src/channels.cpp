@@ -10,7 +10,8 @@ std::string value_of(const recording::Channel& channel, const char* key) {
 }
 
 bool is_device_event(events::EventType type) noexcept {
-  return type >= gvd::kSampled && type <= gvd::kConfigurationChanged;
+  return (type >= gvd::kSampled && type <= gvd::kConfigurationChanged) ||
+         type == gvd::kModelsRendered;
 }
 
 std::string device_topic(std::string_view device, std::string_view type) {

@@ -9,6 +9,7 @@
 #include "flatbuffer_channel.hpp"
 #include "rtpm/capture/channels.hpp"
 #include "rtpm/gvd/device_event.hpp"
+#include "rtpm/gvd/models_wire.hpp"
 #include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/clock.hpp"
 
@@ -127,13 +128,21 @@ void EventRecorder::put(const events::EventHeader& header, ConstBytes payload,
 }
 
 void EventRecorder::put_view(const events::EventHeader& header, ConstBytes payload,
-                             const recording::Message& sampled) {
+                             const recording::Message& recorded) {
+  if (!views_.has(header.source)) return;
+  if (header.type == gvd::kModelsRendered) {
+    if (const auto models = gvd::models_of(header.schema_id, payload)) {
+      views_.set_models(header.source, *models, recorded.publish_time_ns);
+    }
+    return;
+  }
   device::Sample wire;
   const bool is_sample = header.type == gvd::kSampled && payload.size() == sizeof wire &&
                          header.schema_id == device::SampledEvent::kSchemaId;
-  if (!is_sample || !views_.has(header.source)) return;
+  if (!is_sample) return;
   std::memcpy(&wire, payload.data(), sizeof wire);
-  views_.record(header.source, gvd::from_wire(wire), sampled.log_time_ns, sampled.publish_time_ns);
+  views_.record(header.source, gvd::from_wire(wire), recorded.log_time_ns,
+                recorded.publish_time_ns);
 }
 
 void EventRecorder::name_devices(std::span<const std::string> names) {

@@ -93,9 +93,9 @@ class EventRecorder {
   void let_go_if(KnownTypes types, bool is_end);
   void put(const events::EventHeader& header, ConstBytes payload, MonotonicTime received,
            MonotonicTime origin, const events::EventDescriptor* type);
-  /// Records what viewers draw of a sample.
+  /// Records what viewers draw of a sample, or keeps the models that they draw.
   void put_view(const events::EventHeader& header, ConstBytes payload,
-                const recording::Message& sampled);
+                const recording::Message& recorded);
   /// Finds or adds the channel of an event; null if the file has no channel left.
   ChannelOfEvents* channel_of(const events::EventHeader& header,
                               const events::EventDescriptor* type);

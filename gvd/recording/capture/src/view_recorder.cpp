@@ -36,6 +36,12 @@ std::uint16_t ViewRecorder::add_channel(const viewers::Channel& channel,
   return number.value_or(0);
 }
 
+void ViewRecorder::set_models(events::SourceId source, const gvd::ModelList& models,
+                              std::uint64_t publish_time_ns) noexcept {
+  const auto found = devices_.find(source);
+  if (found != devices_.end()) found->second.view.set_models(models, publish_time_ns);
+}
+
 void ViewRecorder::record(events::SourceId source, const driver::Sample& sample,
                           std::uint64_t log_time_ns, std::uint64_t publish_time_ns) {
   const auto found = devices_.find(source);

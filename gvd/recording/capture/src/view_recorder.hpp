@@ -25,6 +25,10 @@ class ViewRecorder {
   /// left out.
   void add(const std::string& device, const driver::Descriptor& descriptor);
   [[nodiscard]] bool has(events::SourceId source) const { return devices_.contains(source); }
+  /// The models that an added device renders, for its next messages.
+  /// @param publish_time_ns  of the event
+  void set_models(events::SourceId source, const gvd::ModelList& models,
+                  std::uint64_t publish_time_ns) noexcept;
   /// Records the messages that are due with a sample of an added device.
   /// @param publish_time_ns  of the measurement
   void record(events::SourceId source, const driver::Sample& sample, std::uint64_t log_time_ns,

@@ -23,7 +23,7 @@ events::Filter changes_of(std::string_view device) {
   std::vector<events::Match> matches;
   for (const events::EventType type :
        {kButtonChanged, kContactChanged, kLifecycleChanged, kFaultChanged, kLeaseChanged,
-        kStopChanged, kConfigurationChanged}) {
+        kStopChanged, kConfigurationChanged, kModelsRendered}) {
     matches.push_back(
         {type, events::kWholeNumber, source_of(device), events::kWholeNumber, /*hops_min=*/0});
   }

@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "rtpm/gvd/models_wire.hpp"
 #include "rtpm/gvd/wire.hpp"
 
 namespace rtpm::gvd {
@@ -16,7 +17,8 @@ static_assert(kSampled == device::SampledEvent::kType &&
               kFaultChanged == device::FaultChangedEvent::kType &&
               kLeaseChanged == device::LeaseChangedEvent::kType &&
               kStopChanged == device::StopChangedEvent::kType &&
-              kConfigurationChanged == device::ConfigurationChangedEvent::kType);
+              kConfigurationChanged == device::ConfigurationChangedEvent::kType &&
+              kModelsRendered == device::ModelsRenderedEvent::kType);
 
 template <class Event>
 expected<void, rpc::CallError> add(events::Supplier& supplier, const EventStamp& stamp,
@@ -117,6 +119,15 @@ bool read_configuration(const events::EventView& event, DeviceEvent& to) {
   return true;
 }
 
+bool read_models(const events::EventView& event, DeviceEvent& to) {
+  if (event.header.type != kModelsRendered) return false;
+  const auto list = models_of(event.header.schema_id, event.payload);
+  if (!list) return false;
+  to.cycle = flatbuffers::GetRoot<device::ModelsRendered>(event.payload.data())->cycle();
+  to.what = ModelsChange{{list->models().begin(), list->models().end()}};
+  return true;
+}
+
 bool read_change(const events::EventView& event, DeviceEvent& to) {
   return read_as<device::ButtonChangedEvent>(
              event, to,
@@ -152,7 +163,8 @@ std::vector<const events::EventDescriptor*> device_event_types() {
       &device::SampledEvent::kDescriptor,        &device::ButtonChangedEvent::kDescriptor,
       &device::ContactChangedEvent::kDescriptor, &device::LifecycleChangedEvent::kDescriptor,
       &device::FaultChangedEvent::kDescriptor,   &device::LeaseChangedEvent::kDescriptor,
-      &device::StopChangedEvent::kDescriptor,    &device::ConfigurationChangedEvent::kDescriptor};
+      &device::StopChangedEvent::kDescriptor,    &device::ConfigurationChangedEvent::kDescriptor,
+      &device::ModelsRenderedEvent::kDescriptor};
 }
 
 const events::EventDescriptor* device_event_type(events::EventType type) {
@@ -180,6 +192,16 @@ expected<void, rpc::CallError> add_event(events::Supplier& supplier, const Event
   return add<device::ConfigurationChangedEvent>(supplier, stamp, rpc::table_bytes(builder));
 }
 
+expected<void, rpc::CallError> add_event(events::Supplier& supplier, const EventStamp& stamp,
+                                         const ModelList& models) {
+  device::ModelsRenderedT wire;
+  wire.cycle = stamp.cycle;
+  wire.models = to_wire(models.models());
+  flatbuffers::FlatBufferBuilder builder;
+  builder.Finish(device::CreateModelsRendered(builder, &wire));
+  return add<device::ModelsRenderedEvent>(supplier, stamp, rpc::table_bytes(builder));
+}
+
 std::optional<DeviceEvent> read_event(const events::EventView& event) {
   DeviceEvent read;
   read.header = event.header;
@@ -187,7 +209,8 @@ std::optional<DeviceEvent> read_event(const events::EventView& event) {
     read.what = Timeout{event.header.source};
     return read;
   }
-  if (read_sample(event, read) || read_change(event, read) || read_configuration(event, read)) {
+  if (read_sample(event, read) || read_change(event, read) || read_configuration(event, read) ||
+      read_models(event, read)) {
     return read;
   }
   return std::nullopt;

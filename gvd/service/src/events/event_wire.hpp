@@ -36,6 +36,9 @@ struct EventStamp {
 [[nodiscard]] expected<void, rpc::CallError> add_event(events::Supplier& supplier,
                                                        const EventStamp& stamp,
                                                        const ConfigurationChange& change);
+[[nodiscard]] expected<void, rpc::CallError> add_event(events::Supplier& supplier,
+                                                       const EventStamp& stamp,
+                                                       const ModelList& models);
 
 /// Reads an event, except its `device`; nullopt if it is of another type or version, or malformed.
 [[nodiscard]] std::optional<DeviceEvent> read_event(const events::EventView& event);

@@ -8,6 +8,7 @@
 
 #include "events/change_finder.hpp"
 #include "events/event_wire.hpp"
+#include "rtpm/base/latest.hpp"
 #include "rtpm/base/ring.hpp"
 #include "rtpm/events/supplier.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -19,6 +20,10 @@ namespace {
 /// Cycles of one device that wait for the publisher: 0.25 s at 1 kHz.
 constexpr std::size_t kRingSize = 256;
 constexpr std::size_t kConfigurationCountMax = 64;
+/// Viewers draw models about 30 times per second.
+constexpr Duration kModelsIntervalMin = std::chrono::milliseconds{33};
+/// Models are repeated for consumers that subscribe later.
+constexpr Duration kModelsRepeat = std::chrono::seconds{1};
 /// A hub may start slightly later than the devices, so its absence is reported only after this
 /// time.
 constexpr Duration kAbsenceUntold = std::chrono::seconds{3};
@@ -36,6 +41,19 @@ class Source final : public CycleObserver {
     if (!ring_.push(left)) overrun_count_.fetch_add(1, std::memory_order_relaxed);
   }
 
+  void on_models(const ModelsRecord& record) noexcept override { models_.write(record); }
+
+  /// The models to push at `now`; null if that is not due.
+  [[nodiscard]] const ModelsRecord* due_models(MonotonicTime now) noexcept {
+    if (now < models_pushed_ + kModelsIntervalMin) return nullptr;
+    if (!take_models()) {
+      if (rendered_.list.is_empty() || now < models_pushed_ + kModelsRepeat) return nullptr;
+      rendered_.time = now;
+    }
+    models_pushed_ = now;
+    return &rendered_;
+  }
+
   [[nodiscard]] std::optional<CycleRecord> pop() noexcept { return ring_.pop(); }
   [[nodiscard]] ChangeFinder& finder() noexcept { return finder_; }
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
@@ -45,11 +63,28 @@ class Source final : public CycleObserver {
   }
 
  private:
+  /// Takes the newest list; returns whether it differs from the last one.
+  bool take_models() noexcept {
+    const std::uint64_t count = models_.count();
+    if (count == models_count_) return false;
+    const auto newest = models_.read();
+    if (!newest) return false;
+    models_count_ = count;
+    if (std::ranges::equal(newest->list.models(), rendered_.list.models())) return false;
+    rendered_ = *newest;
+    return true;
+  }
+
   std::string name_;
   events::SourceId id_;
   SpscRing<CycleRecord, kRingSize> ring_{};
   ChangeFinder finder_;
   std::atomic<std::uint64_t> overrun_count_{0};
+  Latest<ModelsRecord> models_{};
+  // Used by the publisher's thread only.
+  std::uint64_t models_count_ = 0;  ///< Latest::count() when it was last read.
+  ModelsRecord rendered_{};         ///< As last pushed.
+  MonotonicTime models_pushed_{};
 };
 
 /// An older sample was not measured in its cycle: the device reports only changes, and there were
@@ -113,6 +148,7 @@ struct DevicePublisher::Impl {
     for (const auto& source : sources) {
       while (const auto record = source->pop())
         push(*source, *record);
+      push_models(*source);
     }
     push_configurations();
     if (supplier) static_cast<void>(supplier->flush());
@@ -130,6 +166,14 @@ struct DevicePublisher::Impl {
     stamp.time = record.time;
     for (const CycleChange& change : changes)
       count(add_event(*supplier, stamp, change));
+  }
+
+  void push_models(Source& source) {
+    if (!supplier) return;
+    const MonotonicTime now = rt::now();
+    const ModelsRecord* const due = source.due_models(now);
+    if (due == nullptr) return;
+    count(add_event(*supplier, EventStamp{source.id(), due->cycle, due->time}, due->list));
   }
 
   void push_configurations() {

@@ -88,6 +88,10 @@ class Listener final : public DeviceEventHandler {
     } else if (const auto* configuration = std::get_if<ConfigurationChange>(&event.what)) {
       text += " revision " + std::to_string(configuration->revision) + " of " +
               configuration->names.front();
+    } else if (const auto* models = std::get_if<ModelsChange>(&event.what)) {
+      for (const Model& model : models->models)
+        text += ' ' + std::string(to_string(model));
+      text += " since " + std::to_string(event.cycle);
     } else {
       text += " change";
     }
@@ -114,6 +118,9 @@ class ScriptedDevice {
   void turn_button(std::size_t button) {
     record_.sample.buttons ^= 1U << button;
     ++record_.sample.button_edges[button];
+  }
+  void render(const std::vector<Model>& models) {
+    observer_.on_models({rt::now(), record_.sample.sequence, ModelList{models}});
   }
   CycleRecord& record() noexcept { return record_; }
 
@@ -314,6 +321,32 @@ TEST_F(DeviceEvents, ReportChangesOfTheConfiguration) {
   const std::vector<std::string> names{"optics.gain"};
   publisher_->publish_configuration(kGaze, 42, names);
   EXPECT_EQ(listener.await_lines(1), std::vector<std::string>{"gaze0 revision 42 of optics.gain"});
+}
+
+TEST_F(DeviceEvents, RepeatTheModelsThatADeviceRenders) {
+  Listener listener;
+  const auto consumer = subscribe(listener, events::of_type(kModelsRendered));
+  arm_->render({Plane{{}, {0, 0, 1}, 400, 0}, Friction{0, 0, 0.1}});
+  EXPECT_EQ(listener.await_lines(2), (std::vector<std::string>{"arm0 plane friction since 1",
+                                                               "arm0 plane friction since 1"}));
+  arm_->render({});
+  EXPECT_EQ(listener.await_lines(3).back(), "arm0 since 1");
+}
+
+TEST_F(DeviceEvents, PushAtMostThirtyListsOfModelsPerSecond) {
+  Listener listener;
+  const auto consumer = subscribe(listener, events::of_type(kModelsRendered));
+  const MonotonicTime begin = rt::now();
+  for (int i = 1; i <= 100; ++i) {
+    arm_->render({Plane{{}, {0, 0, 1}, 4.0 * i, 0}});
+    rt::sleep_until(rt::now() + 1ms);
+  }
+  arm_->render({Sphere{.radius_m = 0.1}});
+  EXPECT_TRUE(await([&] {
+    const auto lines = listener.lines();
+    return !lines.empty() && lines.back() == "arm0 sphere since 1";
+  }));
+  EXPECT_LE(listener.lines().size(), 2u + static_cast<std::size_t>((rt::now() - begin) / 33ms));
 }
 
 TEST_F(DeviceEvents, ContinueWhenTheHubIsBackAndReportTheGap) {

@@ -31,6 +31,7 @@ class Evaluator {
   void set(const ModelList& list) noexcept;
   void clear() noexcept { set({}); }
   [[nodiscard]] bool is_empty() const noexcept { return list_.is_empty(); }
+  [[nodiscard]] const ModelList& list() const noexcept { return list_; }
 
   /// The sum of the models' forces at `sample`, finite for every finite sample.
   [[nodiscard]] ModelForces evaluate(const driver::Sample& sample) noexcept;

@@ -11,6 +11,7 @@
 #include "rtpm/events/event.hpp"
 #include "rtpm/events/filter.hpp"
 #include "rtpm/gvd/lease.hpp"
+#include "rtpm/models/model.hpp"
 
 /// Events of devices: samples, and changes between samples.
 namespace rtpm::gvd {
@@ -25,6 +26,7 @@ inline constexpr events::EventType kFaultChanged = 1380974597;
 inline constexpr events::EventType kLeaseChanged = 1380974598;
 inline constexpr events::EventType kStopChanged = 1380974599;
 inline constexpr events::EventType kConfigurationChanged = 1380974600;
+inline constexpr events::EventType kModelsRendered = 1380974604;
 
 /// The source of a device's events: the 32-bit FNV-1a hash of its name, such as "lab/arm0".
 [[nodiscard]] constexpr events::SourceId source_of(std::string_view device) noexcept {
@@ -82,6 +84,11 @@ struct ConfigurationChange {
   std::vector<std::string> names{};  ///< The changed parameters.
   friend bool operator==(const ConfigurationChange&, const ConfigurationChange&) = default;
 };
+/// The local models that the device renders; see ModelsRendered in device_events.fbs.
+struct ModelsChange {
+  std::vector<Model> models{};  ///< Empty: they have ended.
+  friend bool operator==(const ModelsChange&, const ModelsChange&) = default;
+};
 /// A timeout of the subscription's filter.
 struct Timeout {
   std::uint32_t tag = 0;  ///< The tag of the filter.
@@ -97,7 +104,7 @@ struct DeviceEvent {
   /// The event's header, with origin and flags such as is_replayed.
   events::EventHeader header{};
   std::variant<Timeout, driver::Sample, ButtonChange, ContactChange, LifecycleChange, FaultChange,
-               LeaseChange, StopChange, ConfigurationChange>
+               LeaseChange, StopChange, ConfigurationChange, ModelsChange>
       what{};
 };
 

@@ -1,11 +1,14 @@
 #pragma once
 
+#include <cstdint>
 #include <device.rtpm.hpp>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
 #include "rtpm/models/model.hpp"
 
@@ -18,5 +21,9 @@ namespace rtpm::gvd {
 /// @errors   described in words: more than ModelList::kCountMax models; a model without a kind, or
 ///           of a later version
 [[nodiscard]] expected<ModelList, std::string> from_wire(const device::SetModelsRequest& wire);
+
+/// The models of an event of type kModelsRendered; nullopt if it is malformed or of another version.
+/// @realtime alloc-free
+[[nodiscard]] std::optional<ModelList> models_of(std::uint64_t schema_id, ConstBytes payload);
 
 }  // namespace rtpm::gvd

@@ -5,6 +5,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/sample.hpp"
 #include "rtpm/gvd/lease.hpp"
+#include "rtpm/models/model.hpp"
 
 namespace rtpm::gvd {
 
@@ -18,8 +19,16 @@ struct CycleRecord {
   LeaseState last_end = LeaseState::kUnknown;  ///< Why the previous lease ended.
 };
 
+/// The local models that a device renders from a cycle on.
+/// @ownership a value, trivially copyable
+struct ModelsRecord {
+  MonotonicTime time{};     ///< The cycle's time.
+  std::uint64_t cycle = 0;  ///< Its Sample::sequence.
+  ModelList list{};         ///< Empty: the models have ended.
+};
+
 /// Observes every cycle of a device.
-/// @threads  on_cycle() runs on the device's thread
+/// @threads  all run on the device's thread
 class CycleObserver {
  public:
   CycleObserver() = default;
@@ -28,6 +37,9 @@ class CycleObserver {
   virtual ~CycleObserver() = default;
   /// @realtime must be alloc-free, without waiting and without a system call
   virtual void on_cycle(const CycleRecord& record) noexcept = 0;
+  /// A new list of models, after on_cycle() of its first cycle.
+  /// @realtime as on_cycle()
+  virtual void on_models(const ModelsRecord& /*record*/) noexcept {}
 };
 
 }  // namespace rtpm::gvd

@@ -22,7 +22,7 @@ struct Channel {
   Type type{};
 };
 
-/// Turns the samples of one device into the messages of its channels, each at its own rate: "NAME/pose"
+/// Turns samples and local models of one device into the messages of its channels, each at its own rate: "NAME/pose"
 /// and kTransformTopic if the device measures a position, "NAME/force" if it applies forces.
 /// @ownership a value
 /// @threads  one; allocates, so not for real-time threads
@@ -35,8 +35,15 @@ class DeviceView {
   DeviceView(std::string device, const driver::Descriptor& descriptor);
 
   [[nodiscard]] const std::vector<Channel>& channels() const noexcept { return channels_; }
-  /// The local models that the device renders now.
-  void set_models(const gvd::ModelList& models) noexcept { models_ = models; }
+  /// How long models last unless set again; devices repeat them each second.
+  static constexpr std::uint64_t kModelsLifetimeNs = 3'000'000'000;
+
+  /// The local models that the device renders at `time_ns`, for the scenes until kModelsLifetimeNs
+  /// later.
+  void set_models(const gvd::ModelList& models, std::uint64_t time_ns) noexcept {
+    models_ = models;
+    models_until_ns_ = time_ns + kModelsLifetimeNs;
+  }
 
   struct Due {
     std::size_t channel = 0;  ///< Index in channels().
@@ -54,6 +61,7 @@ class DeviceView {
   std::string frame_;
   driver::Workspace workspace_;
   gvd::ModelList models_{};
+  std::uint64_t models_until_ns_ = 0;
   std::vector<Channel> channels_{};
   std::vector<std::uint64_t> last_slots_{};  ///< Each channel's last message.
 };
