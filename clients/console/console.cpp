@@ -124,8 +124,7 @@ expected<void, SetupError> Console::start(
 expected<void, SetupError> Console::start_threads() {
   const auto lanes = std::make_shared<LaneWatch>();
   const auto objects = std::make_shared<ObjectWatch>(node_, configuration_.registry);
-  const auto report =
-      std::make_shared<HubReport>(node_, configuration_.registry, configuration_.events);
+  const auto report = std::make_shared<HubReport>(node_, configuration_.events);
   struct Watch {
     PeriodicThread& thread;
     const char* name;
@@ -410,6 +409,8 @@ Json Console::state() const {
     objects.push_back(
         {{"name", object.name}, {"interface", object.interface}, {"url", object.url}});
   }
+  const HubReportView none;
+  const HubReportView& hub = hub_standing_.is_ok ? hub_view_ : none;
   return {{"time_ns", rt::utc_ns(now)},
           {"uptime_s", std::chrono::duration<double>(now - begin_).count()},
           {"registry",
@@ -420,8 +421,9 @@ Json Console::state() const {
            {{"name", configuration_.events},
             {"ok", hub_standing_.is_ok},
             {"problem", hub_standing_.problem},
-            {"consumer_count", hub_standing_.is_ok ? hub_view_.consumer_count : 0},
-            {"event_per_s", hub_standing_.is_ok ? hub_view_.event_per_s : 0}}},
+            {"consumer_count", hub.consumers.size()},
+            {"consumers", consumers_json(hub.consumers)},
+            {"event_per_s", hub.event_per_s}}},
           {"events", std::move(events)},
           {"servers", servers_json(servers_)},
           {"objects", std::move(objects)},

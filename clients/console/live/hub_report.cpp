@@ -1,41 +1,24 @@
 #include "live/hub_report.hpp"
 
-#include <nlohmann/json.hpp>
+#include <algorithm>
+#include <chrono>
+#include <utility>
 
-#include "rtpm/base/nesting.hpp"
-#include "rtpm/names/directory.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::console {
 
-using namespace nlohmann::literals;
+using Json = nlohmann::ordered_json;
 
 HubReportView HubReport::look() {
   HubReportView view;
-  if (!object_) {
-    const auto url = names::url_of(node_, registry_, hub_);
-    if (!url) return view;
-    auto object = dynamic::RemoteObject::open(node_, *url);
-    if (!object) return view;
-    object_ = std::move(*object);
+  auto report = events::HubReport::ask(node_, hub_);
+  if (!report) {
     before_ = MonotonicTime{};
-  }
-  std::string text;
-  const auto called = object_->call("report", "", {}, std::nullopt, [&](std::string_view json) {
-    text = json;
-    return true;
-  });
-  const auto report = parse_bounded_json<nlohmann::json>(text);
-  if (!called || !report.is_object()) {
-    // Another hub may have taken over the name.
-    object_.reset();
     return view;
   }
-  view.consumer_count = report.value("subscriptions", nlohmann::json::array()).size();
-  std::uint64_t taken_count = 0;
-  for (const auto& supplier : report.value("suppliers", nlohmann::json::array())) {
-    taken_count += supplier.value("/counts/taken"_json_pointer, std::uint64_t{0});
-  }
+  view.consumers = std::move(report->consumers);
+  const std::uint64_t taken_count = report->taken_count;
   const MonotonicTime now = rt::now();
   if (before_ != MonotonicTime{} && taken_count >= taken_count_) {
     view.event_per_s = static_cast<double>(taken_count - taken_count_) /
@@ -44,6 +27,26 @@ HubReportView HubReport::look() {
   before_ = now;
   taken_count_ = taken_count;
   return view;
+}
+
+Json consumers_json(const std::vector<events::HubConsumer>& consumers) {
+  Json list = Json::array();
+  for (std::size_t i = 0; i < std::min(consumers.size(), kShownConsumerMax); ++i) {
+    const events::HubConsumer& one = consumers[i];
+    const double age_s = std::chrono::duration<double>(one.age).count();
+    list.push_back(
+        {{"name", one.name},
+         {"program",
+          one.process == 0 ? one.program : one.program + " " + std::to_string(one.process)},
+         {"host", one.host},
+         {"way", one.way},
+         {"lag_ms", std::chrono::duration<double, std::milli>(one.lag).count()},
+         {"waiting", one.waiting_count},
+         {"delivered_per_s", age_s > 0 ? static_cast<double>(one.accepted_count) / age_s : 0},
+         {"dropped_count", one.lost_count},
+         {"is_suspended", one.is_suspended}});
+  }
+  return list;
 }
 
 }  // namespace rtpm::console

@@ -47,4 +47,9 @@ struct OwnedDescriptor {
           0};
 }
 
+/// Without those that a newer event replaced, or that arrived during a suspension: both as asked for.
+[[nodiscard]] inline std::uint64_t involuntary(const Losses& losses) {
+  return losses.total() - losses.replaced_count - losses.suspended_count;
+}
+
 }  // namespace rtpm::events

@@ -1,5 +1,9 @@
 #include "rtpm/events/consumer.hpp"
 
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <filesystem>
 #include <utility>
 
 #include "consumer/consumer_impl.hpp"
@@ -19,6 +23,8 @@ constexpr Duration kPollMax = 100ms;
 // Pause between attempts to resubscribe; a hub usually restarts within a second.
 constexpr Duration kRetryFirst = 20ms;
 constexpr Duration kRetryMax = 500ms;
+// How often the hub is told of this consumer's progress.
+constexpr Duration kNoteInterval = 1s;
 // Items in flight with kKeepLatest: each one delays the newest event.
 constexpr std::uint32_t kLatestWindow = 2;
 
@@ -34,6 +40,15 @@ std::string in_words(rpc::CallError error, std::uint32_t miss_count_max) {
     return "The consumer missed " + count + " of the hub: it is stopped, or the network is gone.";
   }
   return std::string(rpc::to_string(error));
+}
+
+// The number of this process; 0 if the system does not tell.
+std::uint32_t own_process() {
+  std::error_code error;
+  const std::string text = std::filesystem::read_symlink("/proc/self", error).string();
+  std::uint32_t number = 0;
+  std::from_chars(text.data(), text.data() + text.size(), number);
+  return number;
 }
 
 constexpr std::size_t kEventSizeMax = std::size_t{16} * 1024 * 1024;
@@ -134,6 +149,8 @@ SubscribeRequestT Consumer::Impl::request() const {
   const std::lock_guard lock(mutex_);
   SubscribeRequestT request;
   request.name = config_.name;
+  request.program = ::program_invocation_short_name;
+  request.process = own_process();
   request.filter = entry_of(config_.filter);
   request.delivery = entry_of(config_.delivery);
   request.linking_hub = config_.linking_hub;
@@ -204,6 +221,7 @@ Consumer::Impl::Opened Consumer::Impl::open() {
                                                    std::move(broadcast), std::move(reader)});
   subscription_id_ = welcome.subscription();
   last_heard_ = rt::now();
+  next_note_ = last_heard_ + kNoteInterval;
   last_epoch_ = welcome.epoch();
   return session;
 }
@@ -241,7 +259,22 @@ std::unique_ptr<MulticastSession> Consumer::Impl::open_multicast(
       facts->id, std::static_pointer_cast<MulticastFeed>(reader->source()));
 }
 
+void Consumer::Impl::note_progress(Session& session) {
+  const MonotonicTime now = rt::now();
+  if (now < next_note_) return;
+  next_note_ = now + kNoteInterval;
+  Progress progress;
+  {
+    const std::lock_guard lock(mutex_);
+    const Duration lag = std::exchange(lag_, Duration{0});
+    progress = {subscription_id_, counters_.event_count, lag.count(), involuntary(own_losses_)};
+  }
+  // An older hub has no such method; its report then lacks these counts.
+  static_cast<void>(session.client->note(progress, {.priority = 0}));
+}
+
 std::optional<std::string> Consumer::Impl::poll_stream(Session& session, MonotonicTime until) {
+  note_progress(session);
   const auto batch = session.stream.next(until);
   if (batch) {
     last_heard_ = rt::now();
@@ -299,8 +332,13 @@ void Consumer::Impl::update_losses() {
 
 void Consumer::Impl::hand_over(std::span<const EventView> events) {
   if (is_stopping_) return;
+  const EventHeader& newest = events.back().header;
+  // Only a reader of the ring has the hub's clock. In a stream, the interval's end delays an event.
+  const Duration in_ring = reads_ring_ ? rt::now() - newest.hub_sent : Duration{0};
   {
     const std::lock_guard lock(mutex_);
+    const Duration at_hub = newest.hub_sent - newest.hub_received - config_.delivery.interval;
+    if (!newest.is_replayed) lag_ = std::max(lag_, reads_ring_ ? in_ring : at_hub);
     counters_.event_count += events.size();
     ++counters_.delivery_count;
   }

@@ -70,6 +70,8 @@ class Consumer::Impl final : private ReaderSeat::Member {
   [[nodiscard]] std::optional<std::string> poll_stream(Session& session, MonotonicTime until);
   void take(const Batch& batch);
   void update_losses();
+  /// Reports this consumer's progress to the hub, each second.
+  void note_progress(Session& session);
   void hand_over(std::span<const EventView> events);
   void notify(NoticeKind kind, std::string_view text, Duration gap = Duration{0},
               bool has_hub_restarted = false);
@@ -100,7 +102,10 @@ class Consumer::Impl final : private ReaderSeat::Member {
   ConsumerCounters counters_{};
   Losses earlier_losses_{};  ///< Losses of earlier sessions.
 
+  Duration lag_{0};  ///< The greatest since the last note to the hub.
+
   MonotonicTime last_heard_{};
+  MonotonicTime next_note_{};
   std::uint64_t last_epoch_ = 0;
   std::atomic<bool> is_suspended_{false};
   Losses hub_losses_{};  ///< Losses in this session that the hub reported.

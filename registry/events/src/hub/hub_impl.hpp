@@ -70,6 +70,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
                            const rpc::CallContext& context) override;
   rpc::Result<void> multicast(rpc::ReplyBuilder<MulticastReply>& reply,
                               const rpc::CallContext& context) override;
+  rpc::Result<void> note(const Progress& progress, const rpc::CallContext& context) override;
   rpc::Result<void> repair(const RepairWish& missing, rpc::ReplyBuilder<RepairReply>& reply,
                            const rpc::CallContext& context) override;
 
@@ -123,6 +124,8 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   [[nodiscard]] bool receives_multicast(SubscriptionNumber number) const noexcept {
     return multicast_ && multicast_->has_slot(number);
   }
+  /// How far a consumer is behind.
+  [[nodiscard]] Duration lag_of(SubscriptionNumber number, MonotonicTime now) noexcept;
   void ring_if_needed(MonotonicTime now) noexcept;
   void retry_backlogs(bool is_sweep, MonotonicTime now) noexcept;
 

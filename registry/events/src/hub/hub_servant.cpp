@@ -130,6 +130,10 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
   outlet.id = rt::random_u64();
   const std::uint64_t id = outlet.id;
   outlet.name = name_of(request.name());
+  outlet.program = name_of(request.program());
+  outlet.process = request.process();
+  outlet.host = context.caller;
+  outlet.begun = rt::now();
   outlet.writer = std::move(items);
   outlet.is_welcome_due = true;
   outlet.is_latest_only =
@@ -230,6 +234,27 @@ rpc::Result<void> HubImpl::control(const Control& request, const rpc::CallContex
   return {};
 }
 
+rpc::Result<void> HubImpl::note(const Progress& progress, const rpc::CallContext&) {
+  const std::lock_guard lock(mutex_);
+  const auto number = find(progress.subscription());
+  if (!number) return unexpected{rpc::Refusal::kGone};
+  outlets_[*number].progress = progress;
+  outlets_[*number].noted = rt::now();
+  return {};
+}
+
+Duration HubImpl::lag_of(SubscriptionNumber number, MonotonicTime now) noexcept {
+  constexpr Duration kNoteMax = std::chrono::seconds{3};
+  Duration lag{0};
+  if (const DeliveryQueue& queue = exchange_.queue(number); !queue.empty()) {
+    lag = now - queue[0].event.header().hub_received;
+  }
+  const Outlet& outlet = outlets_[number];
+  if (outlet.noted == kNever) return lag;
+  const Duration silence = now - outlet.noted;
+  return std::max(lag, silence > kNoteMax ? silence : Duration{outlet.progress.lag_ns()});
+}
+
 rpc::Result<void> HubImpl::attend(const AttendRequest& request,
                                   rpc::ReplyBuilder<AttendReply>& reply,
                                   const rpc::CallContext& context) {
@@ -299,6 +324,7 @@ rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply,
                                            gone.silent_count, gone.queue_full_count);
   const std::vector<std::uint64_t> linking = linking_subscriptions();
   const std::lock_guard lock(mutex_);
+  const MonotonicTime time = rt::now();
   for (SubscriptionNumber i = 0; i < outlets_.size(); ++i) {
     const Outlet& outlet = outlets_[i];
     if (outlet.id == 0) continue;
@@ -309,7 +335,10 @@ rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply,
         builder, builder.CreateString(outlet.name), counters.accepted_count, counters.omitted_count,
         counters.delivered_count, waiting, &losses, outlet.is_suspended,
         exchange_.is_broadcast(i) && !receives_multicast(i),
-        std::ranges::find(linking, outlet.id) != linking.end(), receives_multicast(i)));
+        std::ranges::find(linking, outlet.id) != linking.end(), receives_multicast(i),
+        builder.CreateString(outlet.program), outlet.process,
+        builder.CreateString(to_string(outlet.host)), (time - outlet.begun).count(),
+        lag_of(i, time).count(), outlet.progress.received(), outlet.progress.lost()));
   }
   for (const Intake::Supplier& each : intake_.suppliers()) {
     if (each.tag == 0) continue;

@@ -59,6 +59,12 @@ class Outlet {
 
   std::uint64_t id = 0;  ///< 0 if there is no subscription.
   std::string name{};
+  std::string program{};  ///< As the consumer says, with its process.
+  std::uint32_t process = 0;
+  rpc::CallerHost host{};
+  MonotonicTime begun{};
+  Progress progress{};           ///< As the consumer last noted.
+  MonotonicTime noted = kNever;  ///< When it did; kNever if it has not.
   rpc::TableWriter<Batch> writer{};
   Welcome welcome{};
   bool is_welcome_due = false;

@@ -1,4 +1,6 @@
+#include <errno.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -6,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "rtpm/events/hub_report.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "served_hub.hpp"
 
@@ -131,6 +134,62 @@ TEST(HubInTheProgram, ReportsUnconfirmedEventsOfTheFormerHub) {
   rpc::Node node;
   expect_maybe_lost_events(node, hub, rpc::Transport::kAuto);
 }
+
+/// Takes its time over each event.
+class SlowHandler final : public EventHandler {
+ public:
+  void on_events(std::span<const EventView>) override { rt::sleep_until(rt::now() + 10ms); }
+  void on_notice(const Notice&) override {}
+};
+
+/// A consumer of this name, with a queue of 8.
+std::unique_ptr<Consumer> named_consumer(rpc::Node& node, const ServedHub& hub,
+                                         EventHandler& handler, const std::string& name,
+                                         bool shared_ring) {
+  return rtpm::test::made(Consumer::create(node, hub.url(),
+                                           {.name = name,
+                                            .filter = of_type(kPose),
+                                            .delivery = {.queue_capacity = 8},
+                                            .realtime = rt::RealtimeMode::kOff,
+                                            .shared_ring = shared_ring,
+                                            .deadline = kPatience},
+                                           handler));
+}
+
+class HubConsumers : public testing::TestWithParam<bool> {};
+
+TEST_P(HubConsumers, AreListedWithTheSlowestFirst) {
+  ServedHub hub;
+  rpc::Node node;
+  Recorder recorder;
+  SlowHandler slow;
+  const auto fast_consumer = named_consumer(node, hub, recorder, "fast", GetParam());
+  const auto slow_consumer = named_consumer(node, hub, slow, "slow", GetParam());
+  const auto supplier = make_supplier(node, hub);
+  std::vector<HubConsumer> list;
+  EXPECT_TRUE(await([&] {
+    push(*supplier, kPose);
+    auto asked = HubReport::ask(node, hub.url(), kPatience);
+    list = asked ? std::move(asked->consumers) : std::vector<HubConsumer>{};
+    return list.size() == 2 && list[0].name == "slow" && list[0].lag > 20ms &&
+           list[0].lost_count > 0;
+  }));
+  ASSERT_EQ(list.size(), 2u);
+  EXPECT_EQ(list[1].name, "fast");
+  EXPECT_EQ(list[1].lost_count, 0u);
+  EXPECT_LT(list[1].lag, list[0].lag);
+  for (const HubConsumer& each : list) {
+    EXPECT_EQ(each.program, std::string(::program_invocation_short_name).substr(0, 64));
+    EXPECT_EQ(each.process, static_cast<std::uint32_t>(::getpid()));
+    EXPECT_EQ(each.host, "127.0.0.1");
+    EXPECT_EQ(each.way, GetParam() ? "ring" : "stream");
+    EXPECT_GT(each.age, 0ns);
+    EXPECT_GT(each.accepted_count, 8u);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Ways, HubConsumers, testing::Bool(),
+                         [](const auto& each) { return each.param ? "ring" : "stream"; });
 
 class HubTest : public testing::Test {
  protected:

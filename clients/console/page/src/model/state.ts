@@ -112,8 +112,10 @@ export interface Replay {
 /** A subscription at the hub: a program that receives events. */
 export interface Consumer {
   readonly name: string;
+  /** Its program and process, "rtpm 4711"; empty: it does not say. */
+  readonly program: string;
   readonly host: string;
-  /** How old the oldest event is that waits for it; null: not known. */
+  /** How late events reach it; null: not known. */
   readonly lagMs: number | null;
   /** Events that wait for it. */
   readonly waitingCount: number;
@@ -229,6 +231,7 @@ export function readState(value: Json): ConsoleState {
         .map(object)
         .map((one) => ({
           name: text(one['name']),
+          program: text(one['program']),
           host: text(one['host']),
           lagMs: numberOrNull(one['lag_ms']),
           waitingCount: number(one['waiting']),

@@ -30,7 +30,8 @@ export function Consumers({consumers}: {consumers: readonly Consumer[]}) {
             {slowestFirst(consumers).map((one, i) => (
               <tr key={`${one.name} ${one.host} ${i}`}>
                 <th scope="row">
-                  {one.name} {one.isSuspended && <Badge tone="warn">{words.suspended}</Badge>}
+                  {one.name} {one.program !== '' && <span class="quiet">{one.program}</span>}{' '}
+                  {one.isSuspended && <Badge tone="warn">{words.suspended}</Badge>}
                 </th>
                 <td>{one.host === '' ? '–' : one.host}</td>
                 <td class={`number ${(one.lagMs ?? 0) > kSlowMs ? 'is-warn' : ''}`}>
