@@ -117,7 +117,7 @@ TEST_F(Configured, ListsEveryParameterInATable) {
 
 TEST_F(Configured, ShowsEveryParameterInItsDescription) {
   for (const char* device : {"lab/arm0", "lab/gaze0"}) {
-    const auto described = rtpm({"info", device});
+    const auto described = rtpm({"info", device, "--schema"});
     EXPECT_EQ(described.exit_code, 0) << described.errors;
     std::istringstream values(output_of({"get", device}));
     int count = 0;

@@ -57,7 +57,7 @@ TEST_F(Laboratory, AToolWithoutGeneratedCodeCallsDeviceAndRegistry) {
   const auto read = rtpm({"call", "lab/arm0", "read"});
   EXPECT_EQ(read.exit_code, 0) << read.errors;
   EXPECT_NE(read.output.find("position"), std::string::npos) << read.output;
-  const auto described = rtpm({"info", registry_->url});
+  const auto described = rtpm({"info", registry_->url, "--schema"});
   EXPECT_EQ(described.exit_code, 0) << described.errors;
   EXPECT_NE(described.output.find("rpc_service Names"), std::string::npos) << described.output;
   const auto resolved = rtpm({"call", registry_->url, "resolve", "{name: \"lab/arm0\"}"});

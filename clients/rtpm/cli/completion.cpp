@@ -1,21 +1,64 @@
 #include "cli/completion.hpp"
 
+#include <sys/time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <vector>
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
+#include "objects/live_words.hpp"
 
 namespace rtpm::tool {
 namespace {
 
-/// A shell command that prints the registry's names; it ends quickly even without a registry.
-constexpr const char* kNames = "$(rtpm list --deadline 300ms 2>/dev/null | cut -d' ' -f1)";
+/// A shell command that prints names, or the target's methods or parameters; it ends quickly even
+/// without a registry.
+constexpr const char* kLive =
+    "rtpm completion --words \"$command\" --of \"$target\" --deadline 300ms 2>/dev/null";
 
 struct Candidate {
   std::string word;
   std::string help;
 };
+
+/// Cases of bash and zsh in the loop over the words so far: the first word behind a command that is
+/// no option is its target.
+constexpr const char* kTargetSteps =
+    "      *\" -\"*) ;;\n"
+    "      *) [[ -n $command && -z $target ]] && target=$word ;;\n";
+
+/// Ends this program after `time`, so that a shell never waits for longer.
+void end_after(Duration time) {
+  std::signal(SIGALRM, [](int) { ::_exit(kNotReached); });
+  const auto us = std::max<std::int64_t>(1, time.count() / 1000);
+  const itimerval timer{.it_interval = {}, .it_value = {us / 1'000'000, us % 1'000'000}};
+  static_cast<void>(::setitimer(ITIMER_REAL, &timer, nullptr));
+}
+
+struct CompletionRequest {
+  std::string shell{};
+  std::string command{};
+  std::string target{};
+};
+
+int print_words(Context& context, const CompletionRequest& request) {
+  end_after(context.deadline.value_or(std::chrono::milliseconds{300}));
+  const auto words = live_words(context, request.command, request.target);
+  if (!words) return context.not_reached(words.error());
+  if (context.json) {
+    print_json(*words);
+    return kDone;
+  }
+  std::string text;
+  for (const std::string& word : *words)
+    text += word + "\n";
+  std::fputs(text.c_str(), stdout);
+  return kDone;
+}
 
 /// The words that may follow a command: its subcommands, choices and options, and the common
 /// options.
@@ -69,12 +112,11 @@ std::string bash_completion(const CommandFacts& program) {
   std::string script =
       "# Completion of rtpm for bash; made by `rtpm completion bash`.\n"
       "_rtpm() {\n"
-      "  local current=${COMP_WORDS[COMP_CWORD]} command= words= files= word\n"
+      "  local current=${COMP_WORDS[COMP_CWORD]} command= target= words= files= word\n"
       "  for word in \"${COMP_WORDS[@]:1:COMP_CWORD-1}\"; do\n"
       "    case \"$command $word\" in\n"
       "      " +
-      steps_of(program) +
-      ") command=\"${command:+$command }$word\" ;;\n"
+      steps_of(program) + ") command=\"${command:+$command }$word\" ;;\n" + kTargetSteps +
       "    esac\n"
       "  done\n"
       "  case $command in\n";
@@ -82,7 +124,7 @@ std::string bash_completion(const CommandFacts& program) {
     std::string words;
     for (const Candidate& candidate : candidates_of(program, *command))
       words += (words.empty() ? "" : " ") + candidate.word;
-    if (command->takes_name()) words += std::string(" ") + kNames;
+    if (command->takes_name()) words += std::string(" $(") + kLive + ")";
     script += "    \"" + command->path + "\") words=\"" + words + "\"" +
               (command->takes_file() ? " files=yes" : "") + " ;;\n";
   }
@@ -90,6 +132,7 @@ std::string bash_completion(const CommandFacts& program) {
          "  esac\n"
          "  COMPREPLY=($(compgen -W \"$words\" -- \"$current\"))\n"
          "  [[ -n $files ]] && COMPREPLY+=($(compgen -f -- \"$current\"))\n"
+         "  [[ ${COMPREPLY[0]} == *= ]] && compopt -o nospace 2>/dev/null\n"
          "}\n"
          "complete -o filenames -F _rtpm rtpm\n";
 }
@@ -99,13 +142,12 @@ std::string zsh_completion(const CommandFacts& program) {
       "#compdef rtpm\n"
       "# Completion of rtpm for zsh; made by `rtpm completion zsh`.\n"
       "_rtpm() {\n"
-      "  local command= word\n"
+      "  local command= target= word\n"
       "  local -a candidates names\n"
       "  for word in ${words[2,CURRENT-1]}; do\n"
       "    case \"$command $word\" in\n"
       "      (" +
-      steps_of(program) +
-      ") command=\"${command:+$command }$word\" ;;\n"
+      steps_of(program) + ") command=\"${command:+$command }$word\" ;;\n" + kTargetSteps +
       "    esac\n"
       "  done\n"
       "  case $command in\n";
@@ -115,7 +157,7 @@ std::string zsh_completion(const CommandFacts& program) {
       script += "        " + quoted(without_colons(candidate.word) + ":" + candidate.help) + "\n";
     script += "      )\n";
     if (command->takes_name()) {
-      script += std::string("      names=(") + kNames + ")\n      compadd -a names\n";
+      script += std::string("      names=($(") + kLive + "))\n      compadd -a names\n";
     }
     if (command->takes_file()) script += "      _files\n";
     script += "      ;;\n";
@@ -147,6 +189,19 @@ std::string fish_completion(const CommandFacts& program) {
       "  end\n"
       "  echo $command\n"
       "end\n"
+      "function __rtpm_live\n"
+      "  set -l command (__rtpm_command)\n"
+      "  set -l target ''\n"
+      "  for word in (commandline -opc)[2..]\n"
+      "    if test -z \"$target\"; and not string match -q -- '-*' $word\n"
+      "      and not contains -- $word (string split ' ' -- $command)\n"
+      "      set target $word\n"
+      "    end\n"
+      "  end\n"
+      "  " +
+      std::string(kLive) +
+      "\n"
+      "end\n"
       "complete -c rtpm -f\n";
   for (const CommandFacts* command : flattened(program)) {
     const std::string when =
@@ -157,7 +212,7 @@ std::string fish_completion(const CommandFacts& program) {
                 " -d " + quoted(candidate.help) + "\n";
     }
     if (command->takes_name()) {
-      script += when + " -a '(rtpm list --deadline 300ms 2>/dev/null | string split -f1 \" \")'\n";
+      script += when + " -a '(__rtpm_live)'\n";
     }
     if (command->takes_file()) script += when + " -F\n";
   }
@@ -165,28 +220,41 @@ std::string fish_completion(const CommandFacts& program) {
 }
 
 void add_completion(CLI::App& program, Context& context) {
-  const auto shell = std::make_shared<std::string>();
+  const auto request = std::make_shared<CompletionRequest>();
   CLI::App& command = add_command(
       program, context, "completion", "Print the script by which a shell completes rtpm",
       "  rtpm completion bash > ~/.local/share/bash-completion/completions/rtpm\n"
       "  rtpm completion zsh > \"${fpath[1]}/_rtpm\"\n"
       "  rtpm completion fish > ~/.config/fish/completions/rtpm.fish\n",
-      [shell, &program](Context& c) {
+      [request, &program](Context& c) -> int {
+        const std::string& shell = request->shell;
+        if (shell.empty()) return print_words(c, *request);
         const CommandFacts facts = facts_of(program);
-        const std::string script = *shell == "bash"  ? bash_completion(facts)
-                                   : *shell == "zsh" ? zsh_completion(facts)
-                                                     : fish_completion(facts);
+        const std::string script = shell == "bash"  ? bash_completion(facts)
+                                   : shell == "zsh" ? zsh_completion(facts)
+                                                    : fish_completion(facts);
         if (c.json) {
-          print_json({{"shell", *shell}, {"script", script}});
+          print_json({{"shell", shell}, {"script", script}});
         } else {
           std::fputs(script.c_str(), stdout);
         }
         return kDone;
       });
-  command.add_option("SHELL", *shell, "bash, zsh or fish")
-      ->required()
-      ->check(CLI::IsMember({"bash", "zsh", "fish"}))
-      ->type_name("");
+  CLI::Option* const shell = command.add_option("SHELL", request->shell, "bash, zsh or fish")
+                                 ->check(CLI::IsMember({"bash", "zsh", "fish"}))
+                                 ->type_name("");
+  CLI::Option* const words =
+      command
+          .add_option("--words", request->command,
+                      "Print the names, methods or parameters that may follow this command now")
+          ->type_name("COMMAND")
+          ->excludes(shell);
+  command.add_option("--of", request->target, "The words of this object")
+      ->type_name("TARGET")
+      ->needs(words);
+  command.callback([shell, words] {
+    if (shell->empty() && words->empty()) refuse("SHELL is required");
+  });
 }
 
 }  // namespace rtpm::tool

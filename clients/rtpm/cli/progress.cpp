@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "cli/output.hpp"
+#include "rtpm/rt/clock.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -51,6 +52,39 @@ StatusLine::~StatusLine() {
 
 void StatusLine::show(const std::string& text) {
   if (is_shown_) put("\r\x1b[K" + text);
+}
+
+WaitLine::WaitLine(const Context& context, std::string what, Duration after)
+    : what_(std::move(what)), after_(after) {
+  if (!is_error_terminal() || context.json) return;
+  auto started = rt::Thread::start({.name = "progress", .realtime = rt::RealtimeMode::kOff},
+                                   [this] { run(); });
+  // Without the thread the command works as well, but shows no line.
+  if (started) thread_ = std::move(*started);
+}
+
+WaitLine::~WaitLine() {
+  if (!thread_.is_running()) return;
+  {
+    const std::lock_guard lock(mutex_);
+    is_over_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void WaitLine::run() {
+  const MonotonicTime begin = rt::now();
+  bool is_shown = false;
+  std::unique_lock lock(mutex_);
+  Duration pause = after_;
+  while (!changed_.wait_for(lock, pause, [this] { return is_over_; })) {
+    const auto s = std::chrono::duration_cast<std::chrono::seconds>(rt::now() - begin).count();
+    put("\r\x1b[K" + what_ + ", " + std::to_string(s) + " s; Ctrl-C ends it");
+    is_shown = true;
+    pause = std::chrono::seconds{1};
+  }
+  if (is_shown) put("\r\x1b[K");
 }
 
 }  // namespace rtpm::tool

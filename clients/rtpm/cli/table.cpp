@@ -45,4 +45,12 @@ std::vector<std::string> wrapped(std::string_view text, std::size_t width) {
   return lines;
 }
 
+std::string hanging(const std::string& head, std::size_t indent, std::string_view text,
+                    std::size_t width) {
+  std::string all;
+  for (const std::string& line : wrapped(text, width > indent + 20 ? width - indent : 20))
+    all += (all.empty() ? head : std::string(indent, ' ')) + line + "\n";
+  return all;
+}
+
 }  // namespace rtpm::tool

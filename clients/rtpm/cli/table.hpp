@@ -17,4 +17,9 @@ using Row = std::vector<std::string>;
 /// UTF-8.
 [[nodiscard]] std::vector<std::string> wrapped(std::string_view text, std::size_t width);
 
+/// Wraps a text into lines of at most `width`: the first after `head`, which takes `indent`
+/// characters, the others below its text.
+[[nodiscard]] std::string hanging(const std::string& head, std::size_t indent,
+                                  std::string_view text, std::size_t width);
+
 }  // namespace rtpm::tool

@@ -105,8 +105,8 @@ int clocks(Context& context, const ClocksRequest& request) {
     return exit_code;
   }
   {
-    StatusLine status(context);
-    status.show("comparing clocks for " + program::duration_text(request.time));
+    const WaitLine line(context, "comparing clocks for " + program::duration_text(request.time),
+                        Duration{0});
     const MonotonicTime end = rt::now() + request.time;
     do {
       survey.measure();

@@ -76,13 +76,17 @@ void fix(FindingReport& report) {
 
 int doctor(Context& context, const DoctorRequest& request) {
   const program::StopSignal& stop = context.stop();
-  FindingReport report{.findings = survey(context), .is_dry = request.is_dry};
+  FindingReport report{.is_dry = request.is_dry};
+  {
+    const WaitLine line(context, "looking at this host, its network and the servers");
+    report.findings = survey(context);
+  }
   if (request.fixes) fix(report);
   Json json = Json::object();
   std::string measured;
   if (!request.is_quick) {
-    StatusLine status(context);
-    status.show("measuring wake-ups for " + program::duration_text(request.time));
+    const WaitLine line(context, "measuring wake-ups for " + program::duration_text(request.time),
+                        Duration{0});
     const auto wake_ups = measure_wake_ups(request.time, stop);
     if (!wake_ups) return context.fail(wake_ups.error());
     json["wake_ups"] = rtpm::tool::json_of(*wake_ups);

@@ -36,15 +36,6 @@ std::string padded(std::string_view text, std::size_t width) {
   return std::string(text) + std::string(width - std::min(width, text.size()), ' ');
 }
 
-/// Wraps text into lines: the first after `head`, the others aligned with its text.
-std::string hanging(const std::string& head, std::size_t indent, std::string_view text,
-                    std::size_t width) {
-  std::string all;
-  for (const std::string& line : wrapped(text, width > indent + 20 ? width - indent : 20))
-    all += (all.empty() ? head : std::string(indent, ' ')) + line + "\n";
-  return all;
-}
-
 std::string label(const char* name) {
   return std::string(kIndent, ' ') + coloured(padded(name, kLabel), Colour::kGrey);
 }

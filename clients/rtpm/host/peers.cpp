@@ -78,7 +78,7 @@ std::vector<Finding> survey_peers(Context& context) {
         {"interface", Severity::kWarning,
          "servers have different schemas of " + printable(name) + ": " + names_in(interface.names),
          "a client of one is refused by the other where the schemas do not fit together",
-         "build them from one schema (rtpm info NAME shows each)"});
+         "build them from one schema (rtpm info NAME --schema shows each)"});
   }
   if (peers.compilers.size() > 1) {
     peers.findings.push_back({"versions", Severity::kWarning,

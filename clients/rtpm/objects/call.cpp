@@ -3,6 +3,7 @@
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
+#include "cli/progress.hpp"
 #include "objects/commands.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/dynamic/remote_object.hpp"
@@ -26,18 +27,29 @@ bool is_stream_of(dynamic::RemoteObject& object, const std::string& method) {
 int call(Context& context, const CallRequest& request) {
   const auto url = names::url_of(context.node(), context.registry, request.target);
   if (!url) return context.not_reached(url.error());
-  const auto object = dynamic::RemoteObject::open(context.node(), *url);
+  const std::string calling = "calling " + printable(request.target);
+  const auto object =
+      awaited(context, calling, [&] { return dynamic::RemoteObject::open(context.node(), *url); });
   if (!object) return context.not_reached(object.error());
-  // Ctrl-C closes a stream explicitly, so that its server frees it at once.
-  const program::StopSignal* const stop =
-      is_stream_of(**object, request.method) ? &context.stop() : nullptr;
-  const auto print = [&](std::string_view text) {
-    if (!text.empty()) print_line(printable(text, kShownWhole));
-    return stop == nullptr || !stop->is_requested();
+  const auto call_with = [&](const dynamic::RemoteObject::Print& print) {
+    return (*object)->call(request.method, request.json, context.call_options(),
+                           request.stream_time, print);
   };
-  const auto called = (*object)->call(request.method, request.json, context.call_options(),
-                                      request.stream_time, print);
+  std::string reply;
+  const auto called = is_stream_of(**object, request.method)
+                          // Ctrl-C closes a stream explicitly, so that its server frees it at once.
+                          ? call_with([&stop = context.stop()](std::string_view text) {
+                              if (!text.empty()) print_line(printable(text, kShownWhole));
+                              return !stop.is_requested();
+                            })
+                          : awaited(context, calling, [&] {
+                              return call_with([&reply](std::string_view text) {
+                                reply = text;
+                                return true;
+                              });
+                            });
   if (!called) return context.fail(named(request.method, called.error()));
+  if (!reply.empty()) print_line(printable(reply, kShownWhole));
   return kDone;
 }
 
@@ -48,8 +60,9 @@ void add_call(CLI::App& program, Context& context) {
   CLI::App& command = add_command(
       program, context, "call", "Call a method, and print its reply or its items as JSON",
       "  rtpm call lab/arm0 read\n  rtpm call lab/arm0 lease_state '{lease: 1}'\n"
-      "The request has the fields of its table, as `rtpm info` shows them; where that is one\n"
-      "struct, those of the struct will do, all of them. Other absent fields have their defaults.\n"
+      "The request has the fields of its table, as `rtpm info --schema` shows them; where that is\n"
+      "one struct, those of the struct will do, all of them. Other absent fields have their\n"
+      "defaults.\n"
       "A oneway waits as its schema says. A stream's items are printed as they come, until it\n"
       "ends, for --for, or until Ctrl-C.\n",
       [request](Context& c) { return call(c, *request); });

@@ -6,6 +6,7 @@
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
+#include "cli/progress.hpp"
 #include "objects/commands.hpp"
 #include "objects/entries.hpp"
 #include "rtpm/program/text.hpp"
@@ -27,6 +28,8 @@ struct FindOptions {
 bool fits(const std::string& pattern, const std::string& text) {
   return ::fnmatch(pattern.c_str(), text.c_str(), 0) == 0;
 }
+
+constexpr const char* kAsking = "asking for names";
 
 /// Whether any of its hosts matches.
 bool is_at(const std::string& pattern, const names::NameEntry& entry) {
@@ -55,14 +58,16 @@ bool has_wildcard(const std::string& pattern) {
 expected<std::vector<names::NameEntry>, int> ask(Context& context, const FindOptions& wanted) {
   names::Directory directory(context.node(), context.registry);
   if (wanted.predicate.empty() && wanted.preference.empty()) {
-    auto all = directory.contents();
+    auto all = awaited(context, kAsking, [&] { return directory.contents(); });
     if (!all) return unexpected{context.not_reached(all.error())};
     warn_if_stale(all->stale_for);
     tell_notes(directory);
     return std::move(all->entries);
   }
   const std::string interface = has_wildcard(wanted.interface) ? "" : wanted.interface;
-  auto found = directory.find({interface, wanted.predicate, wanted.preference});
+  auto found = awaited(context, kAsking, [&] {
+    return directory.find({interface, wanted.predicate, wanted.preference});
+  });
   if (!found) {
     const names::DirectoryError& error = found.error();
     if (!error.text_error) return unexpected{context.not_reached(error)};

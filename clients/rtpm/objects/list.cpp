@@ -2,6 +2,7 @@
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
+#include "cli/progress.hpp"
 #include "cli/table.hpp"
 #include "objects/commands.hpp"
 #include "objects/entries.hpp"
@@ -15,19 +16,22 @@ namespace {
 
 int list_names(Context& context) {
   names::Directory directory(context.node(), context.registry);
-  const auto found = directory.contents();
+  const auto found = awaited(context, "asking for names", [&] { return directory.contents(); });
   tell_notes(directory);
   if (!found) return context.not_reached(found.error());
   warn_if_stale(found->stale_for);
-  print_entries(found->entries, context.json, lost_names(context, found->entries));
+  const auto lost = awaited(context, "asking for lost names",
+                            [&] { return lost_names(context, found->entries); });
+  print_entries(found->entries, context.json, lost);
   return kDone;
 }
 
 int list_objects(Context& context, const std::string& target) {
   const auto url = names::url_of(context.node(), context.registry, target);
   if (!url) return context.not_reached(url.error());
-  auto catalog =
-      introspection::IntrospectionClient::bind(context.node(), dynamic::catalog_url(*url));
+  auto catalog = awaited(context, "binding to the server of " + printable(target), [&] {
+    return introspection::IntrospectionClient::bind(context.node(), dynamic::catalog_url(*url));
+  });
   if (!catalog) return context.not_reached(catalog.error());
   const auto reply = catalog->list();
   if (!reply) return context.fail(to_string(reply.error()));

@@ -53,7 +53,7 @@ std::vector<Case> cases() {
   const std::string sampled = kSampled;
   return {
       {"list", "", "lab/arm0", "lab/arm1", 3, "most like it: lab/arm0"},
-      {"info", "lab/arm0", "rpc_service Device", "lab/arm1", 3, "most like it: lab/arm0"},
+      {"info", "lab/arm0", "rtpm info lab/arm0 --schema", "lab/arm1", 3, "most like it: lab/arm0"},
       {"stubs", "lab/arm0 -o NEW1", "arm0_rtpm.pyi", "lab/arm1", 3, "most like it: lab/arm0"},
       {"find", "lab/*", "lab/arm0", "x*", 1, "none of the"},
       {"watch", "lab --for 10ms", "bound  lab/arm0", "--for x", 2, "no duration"},
@@ -67,6 +67,7 @@ std::vector<Case> cases() {
        "rtpm.device.ButtonChanged {cycle:1,button:256,is_pressed:true}", 1,
        "in the field 'button'"},
       {"mark", "pause", "marked: pause", "pause --hub lab/none", 3, "lab/none"},
+      {"consumers", "", "CONSUMER", "--hub lab/none", 3, "lab/none"},
       {"hz", sampled + " --for 200ms", "JITTER RMS", "--hub rtpm/event", 3, "rtpm/events"},
       {"record", "NEW1 --for 200ms", " messages, ", "RUN --for 10ms", 1, "exists"},
       {"session", "--pattern NEW1 --for 200ms", " messages, ", "--pattern {x} --for 10ms", 2,

@@ -53,7 +53,7 @@ TEST_F(WithoutRegistry, FindsNamesOfOneHostAsServersComeAndGo) {
   EXPECT_EQ(rtpm({"call", "lab/arm0", "read"}).exit_code, 0);
   EXPECT_EQ(rtpm({"ping", "lab/gaze0", "--count", "1"}).exit_code, 0);
   expect_text(rtpm({"find", "--where", "class == 'haptic'"}).output, {"lab/arm0"});
-  expect_text(rtpm({"info", "lab/arm0"}).output,
+  expect_text(rtpm({"info", "lab/arm0", "--schema"}).output,
               {"rpc_service Device", "//   rate_hz = 1000.0 hertz"});
   const Json info = Json::parse(rtpm({"info", "lab/arm0", "--json"}).output, nullptr, false);
   EXPECT_EQ(info["properties"]["class"], "haptic");

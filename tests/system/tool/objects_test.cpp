@@ -45,6 +45,12 @@ TEST_F(Objects, AreDescribedWithTheirMethodsAndParameters) {
     reads = reads || method["name"] == "read";
   EXPECT_TRUE(reads) << info["methods"];
   EXPECT_GE(info["device"]["parameters"].size(), 9u);
+  EXPECT_EQ(info["device"]["lifecycle"], "active");
+  const auto shown = rtpm({"info", "lab/arm0"});
+  EXPECT_EQ(shown.exit_code, 0) << shown.errors;
+  expect_text(shown.output, {"class       haptic", "rate        1000 Hz", "lifecycle   active",
+                             "parameters  ", "methods     describe, read, command"});
+  EXPECT_LE(test::line_count(shown.output), 24) << "one screen";
   expect_one_sentence(rtpm({"info", device_->url + "7"}), 3, {"most like it there: lab/arm0"});
 }
 

@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "programs.hpp"
@@ -42,12 +44,19 @@ TEST(Shell, CompletesEveryCommand) {
 }
 
 /// Bash's completions for the last of `words`.
-std::string completed(const std::string& words) {
+/// @param deadline  how long the running system may take to answer
+std::string completed(const std::string& words, const std::string& registry = "",
+                      const std::string& deadline = "300ms") {
   const auto script = std::filesystem::path(testing::TempDir()) / "rtpm-completion.bash";
-  std::ofstream(script) << output_of({"completion", "bash"});
+  std::string text = output_of({"completion", "bash"});
+  constexpr std::string_view kDeadline = "--deadline 300ms";
+  for (std::size_t at = text.find(kDeadline); at != text.npos; at = text.find(kDeadline, at + 1))
+    text.replace(at, kDeadline.size(), "--deadline " + deadline);
+  std::ofstream(script) << text;
   const auto end =
       test::run({"bash", "-c",
-                 "PATH=$0:$PATH; source " + script.string() + "; COMP_WORDS=(" + words +
+                 (registry.empty() ? "" : "export RTPM_REGISTRY=" + registry + "; ") +
+                     "PATH=$0:$PATH; source " + script.string() + "; COMP_WORDS=(" + words +
                      "); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _rtpm; echo "
                      "\"${COMPREPLY[*]}\"",
                  RTPM_PROGRAM_FOLDER},
@@ -63,6 +72,26 @@ TEST(Shell, CompletesCommandsOptionsAndChoicesInBash) {
   EXPECT_EQ(completed("rtpm --json config reset --rev"), "--revision\n");
   EXPECT_EQ(completed("rtpm take-over lab/arm0 rec"), "recover\n");
   EXPECT_EQ(completed("rtpm list --reg"), "--registry\n");
+}
+
+class LiveShell : public Laboratory {};
+
+TEST_F(LiveShell, CompletesNamesMethodsAndParameters) {
+  const auto now = [this](const std::string& words) {
+    return completed(words, registry_->url, "20s");  // A busy machine takes its time.
+  };
+  EXPECT_EQ(now("rtpm call lab/"), "lab/arm0\n");
+  EXPECT_EQ(now("rtpm call lab/arm0 emer"), "emergency_stop\n");
+  EXPECT_EQ(now("rtpm --json config get lab/arm0 safety.ramp"), "safety.ramp_s\n");
+  EXPECT_EQ(now("rtpm config set lab/arm0 safety.ramp"), "safety.ramp_s=\n");
+  EXPECT_EQ(now("rtpm config calibrate lab/arm0 enc"), "encoder_offset\n");
+  EXPECT_EQ(now("rtpm call lab/arm7 r"), "\n");
+}
+
+TEST(Shell, CompletesNothingAndQuicklyWithoutARegistry) {
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_EQ(completed("rtpm call lab/", "rtpm://192.0.2.1:7420/rtpm/names"), "\n");
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds{5});
 }
 
 TEST(Shell, IsRefusedAnUnknownShellCommandOrOption) {

@@ -81,7 +81,12 @@ TEST_F(Tool, UsesTheDeadlineOfTheSchemaUnlessGiven) {
 }
 
 TEST_F(Tool, DescribesAndLists) {
-  const auto described = run({"info", light_});
+  const auto shown = run({"info", light_});
+  EXPECT_EQ(shown.exit_code, 0) << shown.errors;
+  rtpm::test::expect_text(shown.output,
+                          {"interface   room.Light", "methods     set, get, scene", "--schema"});
+  EXPECT_LE(rtpm::test::line_count(shown.output), 24);
+  const auto described = run({"info", light_, "--schema"});
   EXPECT_EQ(described.exit_code, 0) << described.errors;
   EXPECT_EQ(described.output, room::LightClient::interface().schema);
   const auto listed = run({"list", light_});
