@@ -70,7 +70,11 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
                           const auto found = devices_.find(name);
                           return found == devices_.end() ? nullptr : found->second.link();
                         }),
-      parameters_(node, clients_, pool_, background_, post_),
+      history_(router_),
+      parameters_(node, clients_, pool_, background_, post_,
+                  [this](const auto& object, const auto& numbers) {
+                    history_.take_parameters(object, numbers);
+                  }),
       records_(node, {configuration.events, configuration.registry, configuration.recordings},
                router_, channels_, pool_, post_),
       downloads_(configuration.recordings, router_, post_),
@@ -79,6 +83,7 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
            {[this](const HubEvent& event) { take_event(event); },
             [this](const Standing& standing) { hub_standing_ = standing; },
             [this](std::shared_ptr<const events::HubTypes> types) {
+              history_.set_types(types);
               event_channels_.set_types(std::move(types));
             }}),
       device_watch_(node),
@@ -94,6 +99,7 @@ expected<void, SetupError> Console::start(
     const std::function<void(Duration, std::function<void()>)>& every) {
   stops_.start();
   desk_.start();
+  history_.start();
   if (auto started = records_.start(); !started) return started;
   if (auto started = downloads_.start(); !started) return started;
   marks_.start();
@@ -109,6 +115,8 @@ expected<void, SetupError> Console::start(
     return started;
   }
   if (auto started = start_threads(); !started) return started;
+  history_.follow_clock(rt::now());
+  every(kStateInterval, [this] { history_.follow_clock(rt::now()); });
   every(kStateInterval, [this] { publish_state(); });
   every(kLatencyInterval, [this] { publish_latency(); });
   every(kLatencyInterval, [this] { publish_graph(); });
@@ -357,7 +365,9 @@ void Console::dismiss(const PendingCall& call, const nlohmann::json& request) {
 void Console::take_probe(const DeviceProbe& probe) {
   const auto device = devices_.find(probe.name);
   if (device != devices_.end()) device->second.take(probe, rt::now());
-  if (probe.descriptor) event_channels_.set_descriptor(probe.name, probe.descriptor);
+  if (!probe.descriptor) return;
+  event_channels_.set_descriptor(probe.name, probe.descriptor);
+  history_.set_descriptor(probe.name, probe.descriptor);
 }
 
 void Console::take_event(const HubEvent& event) {
@@ -367,6 +377,7 @@ void Console::take_event(const HubEvent& event) {
   const auto device = name == nullptr ? devices_.end() : devices_.find(*name);
   if (device != devices_.end()) take_device_event(event, device->second, parameters_);
   event_channels_.publish(event);
+  history_.take(event, name);
 }
 
 void Console::add_log_filter() {
@@ -432,6 +443,7 @@ Json Console::state() const {
           {"not_stopped", stops_.owed_json(now)},
           {"recording", records_.recording_json()},
           {"replay", records_.replay_json()},
+          {"history", history_.state()},
           {"clients", {{"count", clients_.count()}, {"dropped_count", clients_.dropped_count()}}}};
 }
 
@@ -445,11 +457,10 @@ void Console::publish_latency() {
   const std::uint32_t channel = channels_.find("console/latency");
   if (!channels_.has_subscriber(channel)) return;
   const MonotonicTime now = rt::now();
-  Json targets = Json::array();
+  Json latency{{"targets", Json::array()}};
   for (auto& [name, device] : devices_)
-    targets.push_back(latency_json(name, device.latency().summary(now)));
-  channels_.publish(channel, rt::utc_ns(now),
-                    foxglove::dumped({{"targets", std::move(targets)}, {"paper", paper_json()}}));
+    latency["targets"].push_back(latency_json(name, device.latency().summary(now)));
+  channels_.publish(channel, rt::utc_ns(now), foxglove::dumped(latency));
 }
 
 void Console::publish_graph() {

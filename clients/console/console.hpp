@@ -13,6 +13,7 @@
 #include "channels/media_channels.hpp"
 #include "configuration.hpp"
 #include "downloads/download_desk.hpp"
+#include "history/history_desk.hpp"
 #include "live/device_state.hpp"
 #include "live/device_watch.hpp"
 #include "live/hub_report.hpp"
@@ -89,6 +90,7 @@ class Console final : public ConnectionHandler, public DownloadSource {
   StopDesk stops_;
   OperatorDesk desk_;
   ObjectServices objects_services_;
+  HistoryDesk history_;
   ParameterDesk parameters_;
   RecordDesk records_;
   DownloadDesk downloads_;

@@ -18,14 +18,13 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// The event's time on this host's clock, as the hub may be on another host.
-std::uint64_t log_time_ns(const HubEvent& event) {
-  return rt::utc_ns(event.arrived - (event.header.hub_sent - event.header.origin));
-}
-
 constexpr Duration kIdleTime = std::chrono::minutes{1};
 
 }  // namespace
+
+std::uint64_t log_time_ns(const HubEvent& event) {
+  return rt::utc_ns(event.arrived - (event.header.hub_sent - event.header.origin));
+}
 
 void EventChannels::set_devices(const std::set<std::string>& names) {
   for (const auto& [source, name] : devices_) {

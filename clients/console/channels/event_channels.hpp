@@ -23,6 +23,10 @@ namespace rtpm::console {
 inline constexpr std::size_t kEventChannelCountMax = 128;
 inline constexpr std::size_t kEventSchemaByteMax = std::size_t{8} << 20;
 
+/// The event's time on this host's clock, in nanoseconds since 1970, as the hub may be on another
+/// host.
+[[nodiscard]] std::uint64_t log_time_ns(const HubEvent& event);
+
 /// Publishes the hub's events as channel messages. A channel of a type that no device sends exists
 /// from its first event until a minute after its last.
 /// @ownership refers to the channels

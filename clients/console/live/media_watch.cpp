@@ -11,7 +11,7 @@ namespace rtpm::console {
 namespace {
 
 /// How soon a camera that could not be bound is tried again.
-constexpr Duration kRetryInterval = std::chrono::seconds{2};
+constexpr Duration kMediumRetryInterval = std::chrono::seconds{2};
 
 }  // namespace
 
@@ -30,7 +30,7 @@ class MediaWatch::Camera final : public media::MediumSink {
     if (started) {
       reader_.emplace(std::move(*started));
     } else {
-      next_ = rt::now() + kRetryInterval;
+      next_ = rt::now() + kMediumRetryInterval;
       on_problem(started.error().text());
     }
   }

@@ -11,10 +11,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// The paper's figures, as in clients/servo.
-constexpr double kPaperCallUs = 58;
-constexpr double kPaperCycleUs = 1000;
-
 /// The offset of the sequence in the payload, a bare struct of device_events.fbs or device.fbs.
 constexpr std::size_t kSequenceOffset = 0;
 constexpr std::size_t kLeaseStateOffset = 8;
@@ -59,10 +55,6 @@ Json latency_json(const std::string& name, const LatencySummary& summary) {
           {"count", summary.count},
           {"failed_count", summary.failed_count},
           {"histogram", std::move(histogram)}};
-}
-
-Json paper_json() {
-  return {{"best_us", kPaperCallUs}, {"cycle_us", kPaperCycleUs}};
 }
 
 void take_device_event(const HubEvent& event, DeviceState& device, ParameterDesk& parameters) {

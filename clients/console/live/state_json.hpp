@@ -16,8 +16,6 @@ namespace rtpm::console {
 [[nodiscard]] nlohmann::ordered_json servers_json(const std::vector<ServerView>& servers);
 [[nodiscard]] nlohmann::ordered_json latency_json(const std::string& name,
                                                   const LatencySummary& summary);
-/// The figures of the paper's section 5, for comparison with the latencies.
-[[nodiscard]] nlohmann::ordered_json paper_json();
 
 /// Applies a device's event to its state.
 void take_device_event(const HubEvent& event, DeviceState& device, ParameterDesk& parameters);

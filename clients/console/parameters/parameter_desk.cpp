@@ -2,11 +2,33 @@
 
 #include <algorithm>
 #include <utility>
+#include <variant>
 
 namespace rtpm::console {
 namespace {
 
 constexpr Duration kBindDeadline = std::chrono::milliseconds{500};
+
+std::vector<NumericParameter> numbers_of(const gvd::DeviceConfiguration& configuration) {
+  std::vector<NumericParameter> numbers;
+  const auto add = [&](const gvd::Parameter& parameter, const std::string& name, double value) {
+    numbers.push_back({name, parameter.spec.unit, value});
+  };
+  for (const gvd::Parameter& parameter : configuration.parameters) {
+    const std::string& name = parameter.spec.name;
+    if (const auto* const flag = std::get_if<bool>(&parameter.value)) {
+      add(parameter, name, *flag ? 1 : 0);
+    } else if (const auto* const whole = std::get_if<std::int64_t>(&parameter.value)) {
+      add(parameter, name, static_cast<double>(*whole));
+    } else if (const auto* const real = std::get_if<double>(&parameter.value)) {
+      add(parameter, name, *real);
+    } else if (const auto* const vector = std::get_if<std::vector<double>>(&parameter.value)) {
+      for (std::size_t i = 0; i < vector->size(); ++i)
+        add(parameter, name + "[" + std::to_string(i) + "]", (*vector)[i]);
+    }
+  }
+  return numbers;
+}
 
 }  // namespace
 
@@ -19,13 +41,15 @@ struct ParameterDesk::Gathering {
   std::vector<foxglove::ParameterInfo> parameters{};
 };
 
-ParameterDesk::ParameterDesk(rpc::Node& node, Clients& clients, WorkerPool& pool,
-                             WorkerPool& background, Post post)
+ParameterDesk::ParameterDesk(
+    rpc::Node& node, Clients& clients, WorkerPool& pool, WorkerPool& background, Post post,
+    std::function<void(const std::string&, const std::vector<NumericParameter>&)> on_numbers)
     : node_(node),
       clients_(clients),
       pool_(pool),
       background_(background),
-      post_(std::move(post)) {}
+      post_(std::move(post)),
+      on_numbers_(std::move(on_numbers)) {}
 
 void ParameterDesk::set_objects(std::vector<std::string> names) {
   names_ = std::move(names);
@@ -57,11 +81,11 @@ expected<gvd::DeviceConfiguration, std::string> ParameterDesk::read(const std::s
 ParameterDesk::Found ParameterDesk::list(const std::string& object, Link& link) {
   const std::lock_guard lock(link.mutex);
   const auto configuration = read(object, link);
-  if (!configuration) return {{}, configuration.error()};
+  if (!configuration) return {{}, configuration.error(), {}};
   std::vector<driver::ParameterSetting> settings;
   for (const gvd::Parameter& parameter : configuration->parameters)
     settings.push_back({parameter.spec.name, parameter.value});
-  return {infos_of(object, settings), {}};
+  return {infos_of(object, settings), {}, numbers_of(*configuration)};
 }
 
 ParameterDesk::Found ParameterDesk::apply(
@@ -69,7 +93,7 @@ ParameterDesk::Found ParameterDesk::apply(
     const std::vector<foxglove::ParameterRequest>& parameters) {
   const std::lock_guard lock(link.mutex);
   const auto configuration = read(object, link);
-  if (!configuration) return {{}, configuration.error()};
+  if (!configuration) return {{}, configuration.error(), {}};
   std::string problem;
   std::vector<driver::ParameterSetting> settings;
   for (const foxglove::ParameterRequest& request : parameters) {
@@ -96,10 +120,11 @@ ParameterDesk::Found ParameterDesk::apply(
     const std::string name = request.name.substr(object.size() + 1);
     if (configuration->find(name) != nullptr) names.push_back(name);
   }
-  if (names.empty()) return {{}, problem};
+  if (names.empty()) return {{}, problem, {}};
   const auto values = link.client->get(names);
   return {values ? infos_of(object, values->settings) : std::vector<foxglove::ParameterInfo>{},
-          problem};
+          problem,
+          {}};
 }
 
 void ParameterDesk::end(const std::shared_ptr<Gathering>& gathering, Found found) {
@@ -139,7 +164,7 @@ void ParameterDesk::get(Client& client, const foxglove::GetParameters& request) 
     const bool is_queued = pool.run("config " + object, [=, this, link = links_[object]] {
       post_([=, this, found = list(object, *link)] { end(gathering, found); });
     });
-    if (!is_queued) end(gathering, {{}, object + ": too much waits to be done"});
+    if (!is_queued) end(gathering, {{}, object + ": too much waits to be done", {}});
   }
 }
 
@@ -182,7 +207,7 @@ void ParameterDesk::set(Client& client, const foxglove::SetParameters& request) 
         [=, this, object = object, parameters = parameters, link = links_[object]] {
           post_([=, this, found = apply(object, *link, parameters)] { end(gathering, found); });
         });
-    if (!is_queued) end(gathering, {{}, object + ": too much waits to be done"});
+    if (!is_queued) end(gathering, {{}, object + ": too much waits to be done", {}});
   }
 }
 
@@ -235,6 +260,7 @@ void ParameterDesk::on_change(const std::string& object) {
     post_([this, object, link, found = list(object, *link)] {
       link->is_asked = false;
       publish(found.parameters);
+      on_numbers_(object, found.numbers);
       if (std::exchange(link->is_outdated, false)) on_change(object);
     });
   });

@@ -20,6 +20,13 @@
 
 namespace rtpm::console {
 
+/// A parameter that is a number; 1 is true.
+struct NumericParameter {
+  std::string name{};
+  std::string unit{};
+  double value = 0;
+};
+
 /// Presents the parameters of all objects with a configuration as the protocol's parameters.
 /// @ownership refers to all its arguments
 /// @threads  the web server's thread
@@ -27,8 +34,10 @@ class ParameterDesk {
  public:
   /// @param pool        runs the work of clients that may command
   /// @param background  runs all other work
-  ParameterDesk(rpc::Node& node, Clients& clients, WorkerPool& pool, WorkerPool& background,
-                Post post);
+  /// @param on_numbers  gets all numbers of an object each time they are read
+  ParameterDesk(
+      rpc::Node& node, Clients& clients, WorkerPool& pool, WorkerPool& background, Post post,
+      std::function<void(const std::string&, const std::vector<NumericParameter>&)> on_numbers);
 
   /// Sets the objects that serve a configuration below their name.
   void set_objects(std::vector<std::string> names);
@@ -54,6 +63,7 @@ class ParameterDesk {
   struct Found {
     std::vector<foxglove::ParameterInfo> parameters{};
     std::string problem{};
+    std::vector<NumericParameter> numbers{};
   };
   /// The answers of several objects to one request.
   struct Gathering;
@@ -71,6 +81,7 @@ class ParameterDesk {
   WorkerPool& pool_;
   WorkerPool& background_;
   Post post_;
+  std::function<void(const std::string&, const std::vector<NumericParameter>&)> on_numbers_;
   std::vector<std::string> names_{};
   std::map<std::string, std::shared_ptr<Link>> links_{};
   std::map<std::string, nlohmann::json> published_{};  ///< The values that watchers have received.

@@ -7,7 +7,6 @@
 namespace rtpm::console {
 namespace {
 
-using Json = nlohmann::json;
 using driver::ParameterType;
 using driver::ParameterValue;
 
@@ -22,7 +21,7 @@ std::vector<foxglove::ParameterInfo> infos_of(
   std::vector<foxglove::ParameterInfo> infos;
   for (const driver::ParameterSetting& setting : settings) {
     foxglove::ParameterInfo info{.name = object + "." + setting.name};
-    info.value = std::visit([](const auto& one) { return Json(one); }, setting.value);
+    info.value = std::visit([](const auto& one) { return nlohmann::json(one); }, setting.value);
     // JSON has only one kind of number, so the type tells clients that 3.0 is not an integer.
     if (std::holds_alternative<double>(setting.value)) info.type = "float64";
     if (std::holds_alternative<std::vector<double>>(setting.value)) info.type = "float64_array";
@@ -31,7 +30,8 @@ std::vector<foxglove::ParameterInfo> infos_of(
   return infos;
 }
 
-expected<ParameterValue, std::string> value_of(const gvd::Parameter& parameter, const Json& value) {
+expected<ParameterValue, std::string> value_of(const gvd::Parameter& parameter,
+                                               const nlohmann::json& value) {
   if (value.is_null()) {
     return wrong(parameter, "a value; a device's parameter can't be unset, only reset");
   }
@@ -59,7 +59,7 @@ expected<ParameterValue, std::string> value_of(const gvd::Parameter& parameter, 
   }
   if (!value.is_array()) return wrong(parameter, "an array of numbers");
   std::vector<double> elements;
-  for (const Json& element : value) {
+  for (const nlohmann::json& element : value) {
     if (!element.is_number()) return wrong(parameter, "an array of numbers");
     elements.push_back(element.get<double>());
   }

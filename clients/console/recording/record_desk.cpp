@@ -19,7 +19,7 @@ constexpr std::size_t kSelectedCountMax = 512;
 /// The time limit for opening a recording; one without a summary is read completely.
 constexpr Duration kOpenTimeMax = std::chrono::seconds{20};
 
-std::string text_in(const nlohmann::json& request, const char* key) {
+std::string text_at(const nlohmann::json& request, const char* key) {
   const auto found = request.find(key);
   return found != request.end() && found->is_string() ? found->get<std::string>() : std::string{};
 }
@@ -40,12 +40,12 @@ std::vector<std::string> texts_in(const nlohmann::json& request, const char* key
 expected<std::string, SetupError> read_session(const nlohmann::json& request,
                                                const RecordingFolder& folder,
                                                capture::LiveRecordingConfig& config) {
-  capture::Session session{.participant = text_in(request, "participant"),
-                           .experiment = text_in(request, "experiment"),
-                           .condition = text_in(request, "condition"),
-                           .notes = text_in(request, "notes")};
+  capture::Session session{.participant = text_at(request, "participant"),
+                           .experiment = text_at(request, "experiment"),
+                           .condition = text_at(request, "condition"),
+                           .notes = text_at(request, "notes")};
   if (auto checked = capture::check(session); !checked) return unexpected{checked.error()};
-  std::string pattern = text_in(request, "pattern");
+  std::string pattern = text_at(request, "pattern");
   if (pattern.empty()) pattern = capture::kSessionPattern;
   const auto file = capture::session_file(pattern, session, rt::utc_ns(rt::now()));
   if (!file) return file;
@@ -156,7 +156,7 @@ void RecordDesk::start_recording(const PendingCall& call, const Json& request, b
                                       .registry = config_.registry,
                                       .deadline = kHubDeadline,
                                       .media = texts_in(request, "media", kMediaCountMax)};
-  std::string file = text_in(request, "file");
+  std::string file = text_at(request, "file");
   if (is_session) {
     auto named = read_session(request, folder_, config);
     if (!named) return router_.fail(call, named.error().text());
@@ -243,7 +243,7 @@ void RecordDesk::list(const PendingCall& call) {
 }
 
 void RecordDesk::open_replay(const PendingCall& call, const Json& request) {
-  const std::string file = text_in(request, "file");
+  const std::string file = text_at(request, "file");
   const auto path = folder_.path_of(file);
   if (!path) return router_.fail(call, path.error().text());
   close_replay();

@@ -85,7 +85,7 @@ describe('the page', () => {
     );
     await until('a force', force, (newton) => newton > 0.05);
     await page.locator('.space-label').waitFor();
-    await page.getByText('paper 58 µs').first().waitFor();
+    await page.getByText(/reads within 1 ms/).waitFor();
     await until(
       'strip charts',
       () => page.locator('.strip:not(.is-stale)').count(),

@@ -61,6 +61,8 @@ const services = [
     'recover',
     'dismiss',
     'log_filter',
+    'fields',
+    'history',
     'record_start',
     'record_stop',
     'session_start',
@@ -209,6 +211,17 @@ const kCommands = {
     publish('console/marks', {marks: [mark], omitted: 0});
     return {ok: true, time_ns};
   },
+  fields({query = '', count = 500}) {
+    const words = query.toLowerCase().split(' ');
+    const fits = ({path}) => words.every((word) => path.toLowerCase().includes(word));
+    const found = fields().filter(fits);
+    return {fields: found.slice(0, count), total_count: found.length};
+  },
+  history: ({fields: paths, begin_ns, end_ns, points}) => ({
+    begin_ns,
+    end_ns,
+    columns: paths.map((path) => past(path, begin_ns / 1e9, end_ns / 1e9, points)),
+  }),
   record_start() {
     recording = {file: `run-${files.length + 1}.mcap`, since: Date.now()};
     return {file: recording.file};
@@ -264,6 +277,44 @@ const kCommands = {
     return {ok: true};
   },
 };
+
+/** Some fields of the devices; the units as the console has them. */
+function fields() {
+  const xyz = (name, unit) => ['x', 'y', 'z'].map((end) => [`${name}.${end}`, unit]);
+  return system.devices.flatMap(({name, analogs, joints, force_newton_max}) =>
+    [
+      ...xyz('position_m', 'm'),
+      ...(force_newton_max > 0 ? [...xyz('force_newton', 'N'), ['force_newton.total', 'N']] : []),
+      ...joints.map((one) => [`joints.${one.name}`, one.unit]),
+      ...analogs.map((one) => [`analogs.${one.name}`, one.unit]),
+    ].map(([field, unit]) => ({
+      path: `${name}/sampled.${field}`,
+      unit,
+      device: name,
+      label: field,
+    })),
+  );
+}
+
+/** The past of the arm, as if the console had run for ten minutes. */
+function past(path, beginS, endS, points) {
+  const stepS = Math.max(0.1, (endS - beginS) / points);
+  const known = fields().find((one) => one.path === path);
+  const axis = 'xyz'.indexOf(path.at(-1));
+  const column = {path, known: known !== undefined, unit: known?.unit ?? '', low: [], high: []};
+  const steps = [];
+  const count = path.startsWith('lab/arm0') && axis >= 0 ? Math.floor((endS - beginS) / stepS) : 0;
+  for (let i = 0; i < count; ++i) {
+    const timeS = beginS + i * stepS - start / 1000;
+    if (timeS < -600) continue;
+    const {position, force} = system.arm(timeS);
+    const value = (path.includes('force') ? force : position)[axis];
+    steps.push(i);
+    column.low.push(value);
+    column.high.push(value);
+  }
+  return {...column, first_ns: beginS * 1e9, step_ns: stepS * 1e9, steps};
+}
 
 function call(client, serviceId, callId, request) {
   const {name} = services[serviceId - 1];
@@ -372,6 +423,7 @@ setInterval(() => {
       problem: '',
     },
     replay: replay ?? {file: null},
+    history: {byte_count: 12e6, byte_max: 50331648, field_count: 240, dropped_count: 0},
     clients: {count: clients.size, dropped_count: 0},
     events: {channel_count: 1, channel_count_max: 128, omitted_count: 0, dropped_count: 0},
   });

@@ -280,7 +280,6 @@ export class System {
         failed_count: 0,
         histogram: bins,
       })),
-      paper: {best_us: 58, cycle_us: 1000},
     };
   }
 

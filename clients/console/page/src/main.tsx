@@ -14,6 +14,7 @@ import './styles/views.css';
 import './styles/overview.css';
 import './styles/exports.css';
 import './styles/session.css';
+import './styles/plots.css';
 import 'uplot/dist/uPlot.min.css';
 
 const nowMs = () => performance.now();

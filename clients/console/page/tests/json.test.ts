@@ -19,6 +19,14 @@ describe('JSON', () => {
     );
   });
 
+  it('takes the digits behind a point for a fraction', () => {
+    expect(parseJson('[0.034284587847524466,-0.93061689002636083,[1234567890123456789]]')).toEqual([
+      0.034284587847524466,
+      -0.93061689002636083,
+      [1234567890123456789n],
+    ]);
+  });
+
   it("reads FlatBuffers' inf, -inf and nan", () => {
     expect(parseJson('{"low": -inf, "high": inf, "value": nan}')).toEqual({
       low: -Infinity,

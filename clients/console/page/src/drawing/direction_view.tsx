@@ -1,21 +1,26 @@
 import {useEffect, useRef} from 'preact/hooks';
 import {eachFrame} from '../store/frames';
-import {kColumn} from '../store/motion';
 import {fixed} from '../parts/text';
 import {angle} from '../store/settings';
 import {texts} from '../texts/texts';
-import type {ChartSource} from './strip_chart';
 
 const kRangeDeg = 30;
 const kRingsDeg = {
   degrees: [10, 20, 30],
   radians: [0.1, 0.3, 0.5].map((one) => (one * 180) / Math.PI),
 };
-const kTrailS = 1;
+/** How much of the past the trail shows. */
+export const kTrailS = 1;
 const kTrailMax = 60;
 
-/** Where a gaze or pointer without a place points: up and to the right, with its last second. */
-export function DirectionView({source}: {source: () => ChartSource | null}) {
+/** In degrees to the right and upwards. */
+export type Direction = readonly [number, number];
+
+/**
+ * Where a gaze or pointer without a place points: up and to the right, with its last second, the
+ * newest last.
+ */
+export function DirectionView({source}: {source: () => readonly Direction[]}) {
   const dot = useRef<SVGCircleElement>(null);
   const trail = useRef<SVGPolylineElement>(null);
   const latest = useRef(source);
@@ -50,25 +55,16 @@ function clamped(degrees: number): number {
 }
 
 function paint(
-  source: ChartSource | null,
+  shown: readonly Direction[],
   dot: SVGCircleElement | null,
   trail: SVGPolylineElement | null,
 ): void {
   if (dot === null || trail === null) return;
-  const isShown = source !== null && source.isFresh && source.series.size > 0;
-  dot.style.visibility = trail.style.visibility = isShown ? 'visible' : 'hidden';
-  if (!isShown) return;
-  const {series} = source;
-  const at = (row: number) => [
-    clamped(series.valueAt(row, kColumn.direction)),
-    -clamped(series.valueAt(row, kColumn.direction + 1)),
-  ];
-  const last = series.size - 1;
-  const first = Math.max(series.rowAt(series.timeAt(last) - kTrailS), last - kTrailMax);
-  const points: string[] = [];
-  for (let row = first; row <= last; ++row) points.push(at(row).join());
+  const points = shown.slice(-kTrailMax).map(([right, up]) => [clamped(right), -clamped(up)]);
+  const last = points.at(-1);
+  dot.style.visibility = trail.style.visibility = last === undefined ? 'hidden' : 'visible';
+  if (last === undefined) return;
   trail.setAttribute('points', points.join(' '));
-  const [x, y] = at(last);
-  dot.setAttribute('cx', String(x));
-  dot.setAttribute('cy', String(y));
+  dot.setAttribute('cx', String(last[0]));
+  dot.setAttribute('cy', String(last[1]));
 }

@@ -1,6 +1,7 @@
 import {shareWithin, type Latency, type Target} from '../model/latency';
 import {Empty} from '../parts/parts';
-import {fixed, micros, thousands} from '../parts/text';
+import {fixed, micros, percent, thousands} from '../parts/text';
+import {texts} from '../texts/texts';
 
 const kWidth = 640;
 const kHeight = 200;
@@ -8,6 +9,8 @@ const kBottom = 26;
 const kTop = 22;
 const kLowUs = 5;
 const kHighUs = 20000;
+/** A cycle of a force loop of 1 kHz. */
+const kCycleUs = 1000;
 const kTicks = [10, 100, 1000, 10000];
 
 function xOf(us: number): number {
@@ -21,11 +24,11 @@ function heightOf(count: number, most: number): number {
   return ((kHeight - kBottom - kTop) * Math.log10(1 + count)) / Math.log10(1 + most);
 }
 
-/** How long calls took, beside the paper's figures, on logarithmic scales. */
+/** How long calls took, on logarithmic scales. */
 export function Histogram({latency, name}: {latency: Latency | null; name: string}) {
   const target = latency?.targets.find((one) => one.name === name) ?? null;
   if (latency === null || target === null || target.count === 0) {
-    return <Empty>No calls measured yet.</Empty>;
+    return <Empty>{texts.value.live.notMeasured}</Empty>;
   }
   const most = Math.max(...target.bins.map((bin) => bin.count), 1);
   const base = kHeight - kBottom;
@@ -35,7 +38,7 @@ export function Histogram({latency, name}: {latency: Latency | null; name: strin
         viewBox={`0 0 ${kWidth} ${kHeight}`}
         role="img"
         preserveAspectRatio="none"
-        aria-label={words(target, latency)}
+        aria-label={words(target)}
       >
         {kTicks.map((us) => (
           <line key={us} class="grid" x1={xOf(us)} x2={xOf(us)} y1={kTop} y2={base} />
@@ -46,16 +49,10 @@ export function Histogram({latency, name}: {latency: Latency | null; name: strin
             const height = heightOf(bin.count, most);
             const x = xOf(Math.max(kLowUs, bin.fromUs));
             const width = Math.max(1, xOf(bin.toUs) - x - 1);
-            const tone =
-              bin.toUs <= latency.paperBestUs
-                ? 'fast'
-                : bin.toUs <= latency.paperCycleUs
-                  ? 'fair'
-                  : 'slow';
             return (
               <rect
                 key={bin.fromUs}
-                class={tone}
+                class={bin.toUs <= kCycleUs ? 'fast' : 'slow'}
                 x={x}
                 width={width}
                 y={base - height}
@@ -64,9 +61,6 @@ export function Histogram({latency, name}: {latency: Latency | null; name: strin
             );
           })}
         <line class="axis" x1={0} x2={kWidth} y1={base} y2={base} />
-        {[latency.paperBestUs, latency.paperCycleUs].map((us) => (
-          <line key={us} class="paper" x1={xOf(us)} x2={xOf(us)} y1={kTop - 4} y2={base} />
-        ))}
       </svg>
       <div class="histogram-labels" aria-hidden="true">
         {kTicks.map((us) => (
@@ -74,52 +68,39 @@ export function Histogram({latency, name}: {latency: Latency | null; name: strin
             {us < 1000 ? `${us} µs` : `${us / 1000} ms`}
           </span>
         ))}
-        {[latency.paperBestUs, latency.paperCycleUs].map((us) => (
-          <span key={us} class="mark" style={{left: `${(100 * xOf(us)) / kWidth}%`}}>
-            paper {us < 1000 ? `${us} µs` : `${us / 1000} ms`}
-          </span>
-        ))}
       </div>
-      <Table target={target} latency={latency} />
+      <Table target={target} />
     </div>
   );
 }
 
-function percent(share: number | null): string {
-  return share === null ? '–' : `${fixed(100 * share, 1)} %`;
+function words(target: Target): string {
+  const within = percent(shareWithin(target.bins, kCycleUs), 1);
+  return texts.value.live.histogram(thousands(target.count), micros(target.p50Us), within);
 }
 
-function words(target: Target, latency: Latency): string {
-  return (
-    `Latency of ${thousands(target.count)} reads: half within ${micros(target.p50Us)}, ` +
-    `${percent(shareWithin(target.bins, latency.paperBestUs))} within the paper's ` +
-    `${latency.paperBestUs} microseconds`
-  );
-}
-
-function Table({target, latency}: {target: Target; latency: Latency}) {
-  const rows: [string, string][] = [
-    ['p50', micros(target.p50Us)],
-    ['p90', micros(target.p90Us)],
-    ['p99', micros(target.p99Us)],
-    ['p99.9', micros(target.p999Us)],
-    ['max', micros(target.maxUs)],
+function Table({target}: {target: Target}) {
+  const {live} = texts.value;
+  const rows: [string, string, string][] = [
+    ['p50', micros(target.p50Us), live.half],
+    ['p90', micros(target.p90Us), live.share('90 %')],
+    ['p99', micros(target.p99Us), live.share('99 %')],
+    ['p99.9', micros(target.p999Us), live.share(`${fixed(99.9, 1)} %`)],
+    [live.longest, micros(target.maxUs), live.longestHelp],
   ];
-  const within = (us: number) => percent(shareWithin(target.bins, us));
   return (
     <>
       <dl class="figures">
-        {rows.map(([name, value]) => (
-          <div key={name}>
+        {rows.map(([name, value, help]) => (
+          <div key={name} title={help}>
             <dt>{name}</dt>
             <dd>{value}</dd>
           </div>
         ))}
       </dl>
       <p class="quiet small">
-        {within(latency.paperBestUs)} of {thousands(target.count)} reads by this console within 58
-        µs (paper: 91 %), {within(latency.paperCycleUs)} within 1 ms (paper: 99.8 %)
-        {target.failedCount > 0 ? `; ${thousands(target.failedCount)} failed` : ''}.
+        {live.within(percent(shareWithin(target.bins, kCycleUs), 1), thousands(target.count))}
+        {target.failedCount > 0 ? ` ${live.failed(thousands(target.failedCount))}` : ''}
       </p>
     </>
   );

@@ -5,6 +5,8 @@ import {eachFrame} from '../store/frames';
 import type {MarkerList} from '../store/markers';
 import type {Series} from '../store/series';
 import {colour, themeVersion} from '../store/theme';
+import {texts} from '../texts/texts';
+import {drawMarkers, drawTrials} from './experiment';
 
 export interface Curve {
   readonly column: number;
@@ -23,6 +25,8 @@ export interface ChartSource {
 }
 
 interface Props {
+  /** For tests, in every language. */
+  name: string;
   title: string;
   unit: string;
   /** From the series' unit to the shown one. */
@@ -33,8 +37,6 @@ interface Props {
   /** At least so much of y shows, so that noise does not fill the chart. */
   spanMin: number;
   isLogarithmic?: boolean;
-  /** Horizontal lines with names. */
-  marks?: readonly {readonly value: number; readonly label: string}[];
   /** Drawn as lines with labels; trials as bands. */
   markers?: () => MarkerList;
   gapS: number;
@@ -53,12 +55,12 @@ function rangeOf(low: number | null, high: number | null, spanMin: number): Rang
   return [from - margin, to + margin];
 }
 
-/** The moment at the right end of the chart, on the markers' clock. */
-interface Present {
-  nowS: number;
-}
-
-function optionsOf(props: Props, present: Present, width: number, height: number): uPlot.Options {
+function optionsOf(
+  props: Props,
+  present: {nowS: number},
+  width: number,
+  height: number,
+): uPlot.Options {
   const axis = {
     stroke: colour('quiet'),
     font: '12px system-ui, sans-serif',
@@ -95,11 +97,8 @@ function optionsOf(props: Props, present: Present, width: number, height: number
       })),
     ],
     hooks: {
-      drawClear: [(chart) => drawTrials(chart, props.markers?.(), present)],
-      draw: [
-        (chart) => drawMarks(chart, props),
-        (chart) => drawMarkers(chart, props.markers?.(), present),
-      ],
+      drawClear: [(chart) => drawTrials(chart, props.markers?.(), present.nowS)],
+      draw: [(chart) => drawMarkers(chart, props.markers?.(), present.nowS)],
     },
   };
 }
@@ -122,73 +121,8 @@ function decades(grid: uPlot.Axis.Grid): uPlot.Axis {
 }
 
 function secondsText(seconds: number): string {
-  if (seconds === 0) return 'now';
+  if (seconds === 0) return texts.value.live.now;
   return seconds <= -120 ? `${Math.round(seconds / 6) / 10} min` : `${seconds} s`;
-}
-
-function drawMarks(chart: uPlot, props: Props): void {
-  const context = chart.ctx;
-  for (const mark of props.marks ?? []) {
-    const y = chart.valToPos(mark.value, 'y', true);
-    if (y < chart.bbox.top || y > chart.bbox.top + chart.bbox.height) continue;
-    context.save();
-    context.strokeStyle = context.fillStyle = colour('quiet');
-    context.setLineDash([4, 4]);
-    context.beginPath();
-    context.moveTo(chart.bbox.left, y);
-    context.lineTo(chart.bbox.left + chart.bbox.width, y);
-    context.stroke();
-    context.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
-    context.textAlign = 'left';
-    context.textBaseline = 'alphabetic';
-    context.fillText(mark.label, chart.bbox.left + 6, y - 4);
-    context.restore();
-  }
-}
-
-/** Trials are bands behind the curves. */
-function drawTrials(chart: uPlot, list: MarkerList | undefined, present: Present): void {
-  const {left, top, width, height} = chart.bbox;
-  const context = chart.ctx;
-  context.save();
-  context.fillStyle = colour('accent-soft');
-  for (const trial of list?.trials.peek() ?? []) {
-    const endS = trial.endNs === null ? 0 : trial.endNs / 1e9 - present.nowS;
-    const from = Math.max(chart.valToPos(trial.beginNs / 1e9 - present.nowS, 'x', true), left);
-    const to = Math.min(chart.valToPos(endS, 'x', true), left + width);
-    if (from < to) context.fillRect(from, top, to - from, height);
-  }
-  context.restore();
-}
-
-/** Lines at the markers; a label that would cover the one before is left out. */
-function drawMarkers(chart: uPlot, list: MarkerList | undefined, present: Present): void {
-  const {left, top, width, height} = chart.bbox;
-  const context = chart.ctx;
-  const size = 12 * devicePixelRatio;
-  const gap = 4 * devicePixelRatio;
-  let coveredTo = left;
-  context.save();
-  context.strokeStyle = context.fillStyle = colour('accent');
-  context.lineWidth = devicePixelRatio;
-  context.font = `${size}px system-ui, sans-serif`;
-  context.textBaseline = 'top';
-  for (const marker of list?.rows.peek() ?? []) {
-    const x = chart.valToPos(marker.timeNs / 1e9 - present.nowS, 'x', true);
-    if (!(x >= left && x <= left + width)) continue;
-    context.beginPath();
-    context.moveTo(x, top);
-    context.lineTo(x, top + height);
-    context.stroke();
-    const label = marker.label.length > 24 ? `${marker.label.slice(0, 23)}…` : marker.label;
-    const textWidth = context.measureText(label).width;
-    // Near the right end it is at the left of its line.
-    const begin = x + gap + textWidth > left + width ? x - gap - textWidth : x + gap;
-    if (begin < coveredTo) continue;
-    context.fillText(label, begin, top + gap);
-    coveredTo = begin + textWidth + gap;
-  }
-  context.restore();
 }
 
 /** Curves over the last seconds, with their newest values. */
@@ -205,7 +139,7 @@ export function StripChart(props: Props) {
     const target = holder.current;
     if (target === null) return undefined;
     const empty: uPlot.AlignedData = [[], ...props.curves.map(() => [])];
-    const present: Present = {nowS: NaN};
+    const present: {nowS: number} = {nowS: NaN};
     const chart = new uPlot(
       optionsOf(props, present, target.clientWidth, target.clientHeight),
       empty,
@@ -229,7 +163,7 @@ export function StripChart(props: Props) {
   }, [version, props.windowS, key]);
 
   return (
-    <figure ref={figure} class="strip" data-testid={`strip-${props.title.toLowerCase()}`}>
+    <figure ref={figure} class="strip" data-testid={`strip-${props.name.toLowerCase()}`}>
       <figcaption class="strip-head">
         <span class="strip-title">
           {props.title} <span class="unit">{props.unit}</span>
@@ -247,9 +181,9 @@ export function StripChart(props: Props) {
         ref={holder}
         class="strip-plot"
         role="img"
-        aria-label={`${props.title} over the last ${props.windowS} seconds; values above`}
+        aria-label={texts.value.live.chart(props.title, props.windowS)}
       />
-      <p class="strip-stale">not live</p>
+      <p class="strip-stale">{texts.value.live.notLive}</p>
     </figure>
   );
 }
@@ -257,7 +191,7 @@ export function StripChart(props: Props) {
 function paint(
   chart: uPlot,
   props: Props,
-  present: Present,
+  present: {nowS: number},
   values: HTMLElement | null,
   figure: HTMLElement | null,
 ): void {

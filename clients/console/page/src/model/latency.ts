@@ -23,13 +23,10 @@ export interface Target {
 
 export interface Latency {
   readonly targets: readonly Target[];
-  readonly paperBestUs: number;
-  readonly paperCycleUs: number;
 }
 
 export function readLatency(value: Json): Latency {
   const latency = object(value);
-  const paper = object(latency['paper']);
   return {
     targets: list(latency['targets'])
       .map(object)
@@ -50,8 +47,6 @@ export function readLatency(value: Json): Latency {
             count: number(bin['count']),
           })),
       })),
-    paperBestUs: number(paper['best_us'], 58),
-    paperCycleUs: number(paper['cycle_us'], 1000),
   };
 }
 

@@ -10,13 +10,29 @@ export interface ShownScale {
 }
 
 /** SI units that take prefixes; minutes or turns do not. */
-const kPrefixed: ReadonlySet<string> = new Set(['m', 's', 'S', 'V', 'A', 'N', 'W', 'Pa', 'N m']);
+const kPrefixed: ReadonlySet<string> = new Set([
+  ...['m', 's', 'S', 'V', 'A', 'N', 'W', 'Pa', 'N m', 'Hz', 'J', 'rad'],
+  ...['m/s', 'm/s²', 'rad/s', 'N/m', 'N s/m', 'B', 'Ω'],
+]);
 const kPrefixes = [
   {prefix: '', factor: 1},
   {prefix: 'm', factor: 1e3},
   {prefix: 'µ', factor: 1e6},
   {prefix: 'n', factor: 1e9},
 ] as const;
+const kGreater = [
+  {prefix: 'G', factor: 1e-9},
+  {prefix: 'M', factor: 1e-6},
+  {prefix: 'k', factor: 1e-3},
+] as const;
+
+/** The factor and prefix with which a value of this size has one to three digits before the point. */
+export function prefixFor(size: number, unit: string): {prefix: string; factor: number} {
+  if (!kPrefixed.has(unit) || !Number.isFinite(size) || size <= 0) return kPrefixes[0];
+  // Nobody reads kiloseconds.
+  const greater = unit === 's' ? undefined : kGreater.find(({factor}) => size * factor >= 1);
+  return greater ?? kPrefixes.find(({factor}) => size * factor >= 1) ?? kPrefixes[3];
+}
 
 /** Units of angles, and of what is made of them, as they were measured and as they are shown. */
 const kAngles: readonly Readonly<Record<Angle, string>>[] = [
@@ -26,7 +42,7 @@ const kAngles: readonly Readonly<Record<Angle, string>>[] = [
 ];
 
 /** The unit of an angle as chosen, and the factor to it. */
-function shownAngle(unit: string): {readonly unit: string; readonly factor: number} {
+export function shownAngle(unit: string): {readonly unit: string; readonly factor: number} {
   const written = unit.replace('deg', '°').replace('s^2', 's²');
   const wanted = angle.value;
   const pair = kAngles.find((one) => one.degrees === written || one.radians === written);

@@ -59,6 +59,7 @@ export interface Device {
   readonly buttons: readonly string[];
   readonly analogs: readonly Scale[];
   readonly joints: readonly Scale[];
+  readonly outputs: readonly Scale[];
   readonly lease: {
     readonly state: string;
     readonly sinceS: number | null;
@@ -149,6 +150,14 @@ export interface ConsoleState {
   readonly recording: Recording;
   readonly replay: Replay | null;
   readonly clients: {readonly count: number; readonly droppedCount: number};
+  /** The memory in which the console keeps the past; null: it keeps none. */
+  readonly history: {
+    readonly byteCount: number;
+    readonly byteMax: number;
+    readonly fieldCount: number;
+    /** Fields whose past did not fit. */
+    readonly droppedCount: number;
+  } | null;
   /** Events of the hub on their way to browsers. */
   readonly events: {
     readonly channelCount: number;
@@ -273,12 +282,22 @@ export function readState(value: Json): ConsoleState {
     recording: readRecording(object(state['recording'])),
     replay: readReplay(object(state['replay'])),
     clients: {count: number(clients['count']), droppedCount: number(clients['dropped_count'])},
+    history: state['history'] === undefined ? null : readHistory(object(state['history'])),
     events: {
       channelCount: number(events['channel_count']),
       channelCountMax: number(events['channel_count_max']),
       omittedCount: number(events['omitted_count']),
       droppedCount: number(events['dropped_count']),
     },
+  };
+}
+
+function readHistory(history: JsonObject): ConsoleState['history'] {
+  return {
+    byteCount: number(history['byte_count']),
+    byteMax: number(history['byte_max']),
+    fieldCount: number(history['field_count']),
+    droppedCount: number(history['dropped_count']),
   };
 }
 
@@ -344,6 +363,7 @@ function readDevice(device: JsonObject): Device {
     buttons: texts(device['buttons']),
     analogs: list(device['analogs']).map(readScale),
     joints: list(device['joints']).map(readScale),
+    outputs: list(device['outputs']).map(readScale),
     lease: {
       state: text(lease['state'], 'unknown'),
       sinceS: numberOrNull(lease['since_s']),

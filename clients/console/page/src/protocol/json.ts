@@ -8,7 +8,7 @@ export type Json =
 export type JsonObject = {readonly [key: string]: Json};
 
 // A string, which is skipped; a whole number of 16 digits and more; or what JSON has no word for.
-const kSpecial = /"(?:[^"\\]|\\.)*"|-?\d{16,}(?![\d.eE])|-?\binf\b|\bnan\b/g;
+const kSpecial = /"(?:[^"\\]|\\.)*"|(?<![\d.])-?\d{16,}(?![\d.eE])|-?\binf\b|\bnan\b/g;
 const kMark = '\u0000long:';
 const kReals: Readonly<Record<string, number>> = {inf: Infinity, '-inf': -Infinity, nan: NaN};
 

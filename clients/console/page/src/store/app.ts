@@ -13,6 +13,7 @@ import {Link} from './link';
 import {Log} from './log';
 import {Markers, type MarkerList} from './markers';
 import {Motion} from './motion';
+import {Plots} from './plots';
 import {Recordings} from './recordings';
 import {Series} from './series';
 import type {Route} from './route';
@@ -36,6 +37,7 @@ export class App {
   readonly stop: Stop;
   readonly log: Log;
   readonly markers: Markers;
+  readonly plots: Plots;
   readonly recordings: Recordings;
   readonly exports: Exports;
   /** The views show the recording that is open, instead of the live system. */
@@ -68,6 +70,7 @@ export class App {
     this.stop = new Stop(link, nowMs);
     this.log = new Log(link);
     this.markers = new Markers(link, () => this.consoleMs(), nowMs);
+    this.plots = new Plots(link, this.devices, this.isVisible, nowMs, () => this.consoleMs());
     this.recordings = new Recordings(link);
     this.exports = new Exports(link, this.recordings, fetchByLink);
     const names = computed(() => this.devices.value.map((one) => one.name));

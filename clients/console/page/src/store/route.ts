@@ -24,8 +24,17 @@ export function readRoute(hash: string): Route {
   const known = kViews.find((one) => one === view);
   return {
     view: known ?? 'overview',
-    subject: known === undefined ? '' : rest.map(decodeURIComponent).join('/'),
+    subject: known === undefined ? '' : rest.map(decoded).join('/'),
   };
+}
+
+/** An address from elsewhere may have a sign that begins no code. */
+function decoded(part: string): string {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
 }
 
 export function writeRoute(view: View, subject = ''): string {

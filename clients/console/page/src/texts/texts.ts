@@ -511,6 +511,219 @@ export const kTexts = {
         'Pixeln und seine Rate.',
     ],
   },
+  live: {
+    none: ['No device is at the registry.', 'Die Registry hat kein Gerät.'],
+    device: ['Device', 'Gerät'],
+    search: ['Search a device', 'Gerät suchen'],
+    found: [
+      (shown: number, all: number) => `${shown} of ${all} devices. Arrows choose, Enter shows.`,
+      (shown: number, all: number) => `${shown} von ${all} Geräten. Pfeile wählen, Eingabe zeigt.`,
+    ],
+    charts: ['Charts', 'Diagramme'],
+    position: ['Position', 'Position'],
+    force: ['Force', 'Kraft'],
+    direction: ['Direction', 'Richtung'],
+    latencyShort: ['Latency', 'Latenz'],
+    now: ['now', 'jetzt'],
+    notLive: ['not live', 'nicht live'],
+    chart: [
+      (title: string, seconds: number) => `${title} over the last ${seconds} seconds; values above`,
+      (title: string, seconds: number) => `${title} der letzten ${seconds} Sekunden; Werte darüber`,
+    ],
+    latency: ['Latency of reads', 'Latenz der Lesezugriffe'],
+    latencyHelp: [
+      'How long the console waits for the device when it reads its newest sample: 20 times a ' +
+        'second, at the lowest priority, over five minutes. A force loop at a higher priority is ' +
+        'faster than this. p99 is the time within which 99 % of the reads are answered. Beyond ' +
+        '1 ms, a loop of 1 kHz would miss a cycle.',
+      'So lange wartet die Konsole, wenn sie den neuesten Messwert des Geräts liest: 20-mal je ' +
+        'Sekunde, mit niedrigster Priorität, über fünf Minuten. Eine Kraftregelung mit höherer ' +
+        'Priorität ist schneller. p99 ist die Zeit, in der 99 % beantwortet sind. Über 1 ms ' +
+        'verpasst eine Regelung mit 1 kHz einen Zyklus.',
+    ],
+    notMeasured: ['No calls measured yet.', 'Noch keine Aufrufe gemessen.'],
+    histogram: [
+      (count: string, half: string, within: string) =>
+        `Latency of ${count} reads: half within ${half}, ${within} within 1 ms`,
+      (count: string, half: string, within: string) =>
+        `Latenz von ${count} Zugriffen: die Hälfte in ${half}, ${within} in 1 ms`,
+    ],
+    half: ['half of the reads take at most this', 'die Hälfte dauert höchstens so lange'],
+    share: [
+      (share: string) => `${share} of the reads take at most this`,
+      (share: string) => `${share} dauern höchstens so lange`,
+    ],
+    longest: ['max', 'max'],
+    longestHelp: ['the slowest read of five minutes', 'der langsamste Zugriff in fünf Minuten'],
+    within: [
+      (share: string, count: string) =>
+        `${share} of ${count} reads within 1 ms, a cycle of a 1 kHz force loop.`,
+      (share: string, count: string) =>
+        `${share} von ${count} Zugriffen in 1 ms, einem Zyklus einer 1-kHz-Kraftregelung.`,
+    ],
+    failed: [(count: string) => `${count} failed.`, (count: string) => `${count} fehlgeschlagen.`],
+    replayTitle: ['Replay', 'Wiedergabe'],
+    replay: [
+      (file: string) =>
+        `Recorded motion${file === '' ? '' : ` of ${file}`}. Commands are not shown here, so that ` +
+        'nobody takes it for the device. The stop above works as ever.',
+      (file: string) =>
+        `Aufgenommene Bewegung${file === '' ? '' : ` aus ${file}`}. Befehle fehlen hier, damit es ` +
+        'niemand für das Gerät hält. Der Not-Halt oben wirkt wie immer.',
+    ],
+    showLive: ['Show the devices live', 'Geräte live zeigen'],
+  },
+  plots: {
+    search: ['Search fields, such as arm0 position', 'Felder suchen, etwa arm0 position'],
+    fields: ['Fields', 'Felder'],
+    addTo: ['add to', 'zu'],
+    newPlot: ['a new plot', 'neuer Plot'],
+    addAll: [(count: number) => `Add all ${count}`, (count: number) => `Alle ${count} hinzufügen`],
+    nothingFound: ['No field has these words.', 'Kein Feld enthält diese Wörter.'],
+    foundCount: [
+      (shown: number, total: string) =>
+        `${shown} of ${total}. Arrows choose, Enter adds, Escape closes.`,
+      (shown: number, total: string) =>
+        `${shown} von ${total}. Pfeile wählen, Eingabe fügt hinzu, Esc schließt.`,
+    ],
+    needsToken: [
+      'Read only: the past and other fields need the URL with the token that rtpm-console printed.',
+      'Nur lesen: für Vergangenheit und weitere Felder die URL mit dem Token von rtpm-console öffnen.',
+    ],
+    tooMany: [
+      (plot: number, all: number) =>
+        `Not added: a plot has at most ${plot} curves, all together ${all}.`,
+      (plot: number, all: number) =>
+        `Nicht hinzugefügt: höchstens ${plot} Kurven je Plot, zusammen ${all}.`,
+    ],
+    window: ['Time shown', 'Gezeigte Zeit'],
+    seconds: [
+      (count: number) =>
+        count < 60 ? `${count} s` : count < 3600 ? `${count / 60} min` : `${count / 3600} h`,
+      (count: number) =>
+        count < 60 ? `${count} s` : count < 3600 ? `${count / 60} min` : `${count / 3600} h`,
+    ],
+    range: ['Range of time', 'Zeitbereich'],
+    pause: ['Pause', 'Anhalten'],
+    follow: ['Follow', 'Folgen'],
+    paused: ['Paused: the plots do not follow.', 'Angehalten: die Plots folgen nicht.'],
+    earlier: ['Earlier', 'Früher'],
+    later: ['Later', 'Später'],
+    closer: ['Closer', 'Näher'],
+    wider: ['Wider', 'Weiter'],
+    help: [
+      'Drag over a plot to zoom, Shift and drag to move, wheel to zoom at the pointer, double ' +
+        'click to follow again. By keyboard in a plot: arrows move the crosshair, Shift and arrows ' +
+        'the range, + and − zoom, Space pauses, Escape follows again. Ranges beyond 90 s are shown ' +
+        'by the lowest and highest value of each second, beyond 20 minutes of each 10 seconds.',
+      'Über einen Plot ziehen zoomt, mit Umschalt verschiebt es, das Rad zoomt am Zeiger, ' +
+        'Doppelklick folgt wieder. Mit Tasten im Plot: Pfeile bewegen das Fadenkreuz, mit Umschalt ' +
+        'den Bereich, + und − zoomen, Leertaste hält an, Esc folgt wieder. Über 90 s zeigen die ' +
+        'Kurven Minimum und Maximum je Sekunde, über 20 Minuten je 10 Sekunden.',
+    ],
+    layouts: ['Layouts', 'Layouts'],
+    layoutName: ['Name of this layout', 'Name dieses Layouts'],
+    save: ['Save', 'Speichern'],
+    saved: ['Saved in this browser', 'In diesem Browser gespeichert'],
+    noneSaved: ['None yet.', 'Noch keine.'],
+    notSaved: ['Not saved: 50 layouts are saved already.', 'Nicht gespeichert: es sind schon 50.'],
+    notRenamed: [
+      (name: string) => `Not renamed: “${name}” is empty or taken.`,
+      (name: string) => `Nicht umbenannt: „${name}“ ist leer oder vergeben.`,
+    ],
+    copyLink: ['Copy link', 'Link kopieren'],
+    copied: ['Copied', 'Kopiert'],
+    notCopied: [
+      'Not copied: the browser refuses. The address bar has the same link.',
+      'Nicht kopiert: der Browser verbietet es. Die Adresszeile hat denselben Link.',
+    ],
+    rename: ['Rename', 'Umbenennen'],
+    renameLayout: [(name: string) => `Rename ${name}`, (name: string) => `${name} umbenennen`],
+    newName: [(name: string) => `New name of ${name}`, (name: string) => `Neuer Name von ${name}`],
+    delete: ['Delete', 'Löschen'],
+    deleteLayout: [(name: string) => `Delete ${name}`, (name: string) => `${name} löschen`],
+    ofDevices: ['Layout of a device', 'Layout eines Geräts'],
+    chooseDevice: ['Choose a device', 'Gerät wählen'],
+    deleted: [(name: string) => `Deleted ${name}.`, (name: string) => `${name} gelöscht.`],
+    replaced: [(name: string) => `Replaced ${name}.`, (name: string) => `${name} ersetzt.`],
+    renamed: [(name: string) => `Renamed ${name}.`, (name: string) => `${name} umbenannt.`],
+    changed: [(name: string) => `Removed ${name}.`, (name: string) => `${name} entfernt.`],
+    undo: ['Undo', 'Rückgängig'],
+    brokenLink: [
+      'The address has no layout that this page can read, so the last one is shown.',
+      'Die Adresse enthält kein lesbares Layout; gezeigt wird das letzte.',
+    ],
+    noPast: [
+      (why: string) => `The past is not shown: ${why}.`,
+      (why: string) => `Die Vergangenheit fehlt: ${why}.`,
+    ],
+    empty: [
+      'No plots yet. Search a field above, or choose the layout of a device.',
+      'Noch keine Plots. Oben ein Feld suchen oder das Layout eines Geräts wählen.',
+    ],
+    untitled: ['Plot', 'Plot'],
+    emptyPlot: ['No curves. Search a field above.', 'Keine Kurven. Oben ein Feld suchen.'],
+    curve: ['Curve', 'Kurve'],
+    addCurveTo: [
+      (title: string) => `Add a curve to ${title}`,
+      (title: string) => `Kurve zu ${title} hinzufügen`,
+    ],
+    value: ['Value', 'Wert'],
+    lowest: ['Lowest', 'Min.'],
+    highest: ['Highest', 'Max.'],
+    remove: ['Remove', 'Entfernen'],
+    removeCurve: [(path: string) => `Remove ${path}`, (path: string) => `${path} entfernen`],
+    canvas: [
+      (title: string) => `Plot of ${title}; the table below has its values`,
+      (title: string) => `Plot von ${title}; die Werte stehen in der Tabelle darunter`,
+    ],
+    legend: [
+      (title: string) => `Values of ${title}: at the crosshair or the newest`,
+      (title: string) => `Werte von ${title}: am Fadenkreuz oder die neuesten`,
+    ],
+    more: [(title: string) => `More for ${title}`, (title: string) => `Mehr zu ${title}`],
+    title: ['Title', 'Titel'],
+    up: ['Up', 'Hoch'],
+    down: ['Down', 'Runter'],
+    removePlot: ['Remove plot', 'Plot entfernen'],
+    thresholds: ['Thresholds', 'Grenzwerte'],
+    thresholdsFull: [
+      (count: number) => `A plot has at most ${count}.`,
+      (count: number) => `Höchstens ${count} je Plot.`,
+    ],
+    thresholdValue: ['Value', 'Wert'],
+    addThreshold: ['Add', 'Hinzufügen'],
+    removeThreshold: [
+      (value: string) => `Remove threshold ${value}`,
+      (value: string) => `Grenzwert ${value} entfernen`,
+    ],
+    side: ['Passed', 'Verletzt'],
+    above: ['above', 'über'],
+    below: ['below', 'unter'],
+    isAbove: [
+      (path: string, limit: string) => `${path} is above ${limit}`,
+      (path: string, limit: string) => `${path} liegt über ${limit}`,
+    ],
+    isBelow: [
+      (path: string, limit: string) => `${path} is below ${limit}`,
+      (path: string, limit: string) => `${path} liegt unter ${limit}`,
+    ],
+    unit: ['Unit', 'Einheit'],
+    noUnit: ['no unit', 'ohne'],
+    label: ['Label', 'Name'],
+    memory: [
+      (fields: string, used: string, most: string) =>
+        `The console keeps four hours of ${fields} fields: ${used} of at most ${most}.`,
+      (fields: string, used: string, most: string) =>
+        `Die Konsole hält vier Stunden von ${fields} Feldern: ${used} von höchstens ${most}.`,
+    ],
+    dropped: [
+      (count: string) =>
+        `The past of ${count} did not fit; it begins anew when one of them is shown.`,
+      (count: string) => `${count} passten nicht; sie beginnen neu, sobald man sie zeigt.`,
+    ],
+    openInPlots: ['Open in plots', 'In Kurven öffnen'],
+  },
   space: {
     direction: [
       'Where it points; the numbers are beside',

@@ -43,6 +43,10 @@ const kConditionWords: Readonly<Record<Condition, string>> = {
   good: 'live',
 };
 
+export function conditionText(device: Device): string {
+  return kConditionWords[condition(device)];
+}
+
 /** "2 lost", of the worst condition that there is; of all good ones "5 of 5 live". */
 export function worstText({worst, counts}: Standing): string {
   const count = Object.values(counts).reduce((sum, one) => sum + one, 0);

@@ -1,6 +1,9 @@
 import {signal} from '@preact/signals';
+import {useState} from 'preact/hooks';
 import {kLatencyColumn, useApp} from '../store/app';
+import {plotsOfDevice} from '../store/plots';
 import {writeRoute} from '../store/route';
+import {texts} from '../texts/texts';
 import {byUnit, type PlacedScale} from '../model/scale';
 import {
   freshness,
@@ -11,13 +14,16 @@ import {
   type Scale,
 } from '../model/state';
 import {kColumn, kSlots, type Track} from '../store/motion';
-import {DirectionView} from '../drawing/direction_view';
+import {DirectionView, kTrailS, type Direction} from '../drawing/direction_view';
 import {Histogram} from '../drawing/histogram';
 import {SpaceView} from '../drawing/space_view';
 import {StripChart, type ChartSource, type Curve} from '../drawing/strip_chart';
+import {Combobox, type Option} from '../parts/combobox';
 import {Card, Choice, Empty} from '../parts/parts';
+import {Help} from '../parts/popup';
 import {Cameras} from './cameras';
 import {CommandCard} from './commands';
+import {conditionText} from './device_status';
 import {Readings} from './readings';
 
 const kWindows = [
@@ -26,6 +32,7 @@ const kWindows = [
   {value: 60, label: '1 min'},
   {value: 300, label: '5 min'},
 ];
+const kOfferedMax = 60;
 const kGapS = 0.5;
 /** console/latency comes once a second. */
 const kLatencyGapS = 3.5;
@@ -62,7 +69,7 @@ export function LiveView() {
   const {subject} = app.route.value;
   const preferred = app.devices.value.find((one) => one.className === 'haptic')?.name ?? names[0];
   const name = subject !== '' ? subject : preferred;
-  if (name === undefined) return <Empty>No device is at the registry.</Empty>;
+  if (name === undefined) return <Empty>{texts.value.live.none}</Empty>;
   const known = names.includes(name) ? names : [...names, name];
   return (
     <div class="live">
@@ -73,21 +80,43 @@ export function LiveView() {
 }
 
 function DevicePicker({names, chosen}: {names: readonly string[]; chosen: string}) {
+  const app = useApp();
+  const words = texts.value.live;
+  const [query, setQuery] = useState('');
+  const [isOpen, setOpen] = useState(false);
+  const wanted = query.toLowerCase().split(' ');
+  const found = names.filter((name) => wanted.every((word) => name.toLowerCase().includes(word)));
+  const options = found.slice(0, kOfferedMax).map((name): Option => {
+    const device = app.device(name);
+    return {
+      key: name,
+      label: name === chosen ? <b>{name}</b> : name,
+      aside: device === null ? '' : `${device.className} · ${conditionText(device)}`,
+    };
+  });
   return (
     <div class="picker">
-      <nav class="choice" aria-label="Device">
-        {names.map((name) => (
-          <a
-            key={name}
-            href={writeRoute('live', name)}
-            {...(name === chosen ? {'aria-current': 'true' as const} : {})}
-          >
-            {name}
-          </a>
-        ))}
-      </nav>
+      <Combobox
+        label={words.device}
+        placeholder={words.search}
+        value={chosen}
+        query={query}
+        onQuery={setQuery}
+        options={options}
+        onChoose={(index) => {
+          const name = found[index];
+          if (name !== undefined) window.location.hash = writeRoute('live', name);
+          setQuery('');
+        }}
+        isOpen={isOpen}
+        onOpen={setOpen}
+        note={words.found(options.length, names.length)}
+      />
+      <a class="button" href={writeRoute('plots', plotsOfDevice(chosen))}>
+        {texts.value.plots.openInPlots}
+      </a>
       <Choice
-        label="Time shown"
+        label={texts.value.plots.window}
         options={kWindows}
         value={windowS.value}
         onChange={(value) => (windowS.value = value)}
@@ -105,7 +134,7 @@ function OneDevice({name, device}: {name: string; device: Device | null}) {
   return (
     <div class={`live-grid ${isLive || isReplay ? '' : 'is-dead'}`}>
       <div class="live-main">
-        {!hasMotion && sensesTurn(device) && <DirectionView source={source} />}
+        {!hasMotion && sensesTurn(device) && <DirectionView source={() => trailOf(source())} />}
         {hasMotion && (
           <SpaceView
             name={name}
@@ -123,7 +152,11 @@ function OneDevice({name, device}: {name: string; device: Device | null}) {
         <Cameras />
         <Readings name={name} device={device} source={source} />
         {!isReplay && (
-          <Card title="Latency of reads" class="live-zone">
+          <Card
+            title={texts.value.live.latency}
+            class="live-zone"
+            aside={<Help of={texts.value.live.latency}>{texts.value.live.latencyHelp}</Help>}
+          >
             <Histogram latency={app.latency.value} name={name} />
           </Card>
         )}
@@ -146,6 +179,19 @@ function sourceOf(
   // A lost connection stops the charts where they were.
   const endS = isLinked ? (track.endS(nowMs) ?? lastS) : lastS;
   return {series, offsetS, endS, isFresh: isLinked && nowMs - track.sampleMs <= kStaleMs};
+}
+
+function trailOf(source: ChartSource | null): readonly Direction[] {
+  if (source === null || !source.isFresh) return [];
+  const {series} = source;
+  const trail: Direction[] = [];
+  for (let row = series.rowAt((series.lastS ?? 0) - kTrailS); row < series.size; ++row) {
+    trail.push([
+      series.valueAt(row, kColumn.direction),
+      series.valueAt(row, kColumn.direction + 1),
+    ]);
+  }
+  return trail;
 }
 
 /** A hundredth of the widest range, in the shown unit: noise does not fill the chart. */
@@ -178,6 +224,7 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
       <StripChart
         {...common}
         key={`${title} ${shown.unit}`}
+        name={members.map(({scale}) => scale.name).join(', ')}
         title={members.map(({scale}) => scale.name).join(', ')}
         unit={shown.unit}
         factor={shown.factor}
@@ -191,11 +238,12 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
       />
     ));
   return (
-    <section class="card charts" aria-label="Charts">
+    <section class="card charts" aria-label={texts.value.live.charts}>
       {hasMotion && (
         <StripChart
           {...common}
-          title="Position"
+          name="position"
+          title={texts.value.live.position}
           unit="mm"
           factor={1000}
           digits={1}
@@ -204,12 +252,21 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
         />
       )}
       {(device === null || device.forceMaxNewton > 0) && (
-        <StripChart {...common} title="Force" unit="N" digits={2} spanMin={1} curves={kForce} />
+        <StripChart
+          {...common}
+          name="force"
+          title={texts.value.live.force}
+          unit="N"
+          digits={2}
+          spanMin={1}
+          curves={kForce}
+        />
       )}
       {sensesTurn(device) && (
         <StripChart
           {...common}
-          title="Direction"
+          name="direction"
+          title={texts.value.live.direction}
           unit="°"
           digits={1}
           spanMin={5}
@@ -221,7 +278,8 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
       {!app.showsReplay.value && (
         <StripChart
           {...common}
-          title="Latency"
+          name="latency"
+          title={texts.value.live.latencyShort}
           unit="µs"
           digits={0}
           spanMin={10}
@@ -229,10 +287,6 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
           isLogarithmic
           gapS={kLatencyGapS}
           source={latency}
-          marks={[
-            {value: 58, label: 'paper 58 µs'},
-            {value: 1000, label: 'paper 1 ms'},
-          ]}
         />
       )}
     </section>
@@ -243,13 +297,10 @@ function ReplayCard() {
   const app = useApp();
   const replay = app.state.value?.replay ?? null;
   return (
-    <Card title="Replay" class="replay-card">
-      <p>
-        Recorded motion{replay === null ? '' : ` of ${replay.file}`}. Commands are not shown here,
-        so that nobody takes it for the device. The stop above works as ever.
-      </p>
+    <Card title={texts.value.live.replayTitle} class="replay-card">
+      <p>{texts.value.live.replay(replay?.file ?? '')}</p>
       <button type="button" onClick={() => (app.showsReplay.value = false)}>
-        Show the devices live
+        {texts.value.live.showLive}
       </button>
     </Card>
   );

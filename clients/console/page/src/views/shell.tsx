@@ -27,7 +27,9 @@ export function Shell() {
   const main = useRef<HTMLElement>(null);
   useEffect(() => {
     const state = !app.isLive.value ? texts.value.header.titleNotConnected : alarmOf(app);
-    document.title = `${state}${texts.value.views[view]}${subject === '' ? '' : ` ${subject}`} · RTPM console`;
+    // The subject of plots is their whole layout.
+    const name = subject === '' || view === 'plots' ? '' : ` ${subject}`;
+    document.title = `${state}${texts.value.views[view]}${name} · RTPM console`;
   });
   const skip = (event: Event) => {
     event.preventDefault();
