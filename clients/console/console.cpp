@@ -79,6 +79,9 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
                router_, channels_, pool_, post_),
       downloads_(configuration.recordings, router_, post_),
       marks_(node, configuration.events, router_, channels_, pool_, post_),
+      reviews_(
+          records_.folder(), [this](const std::string& file) { return records_.use_of(file); },
+          router_, post_),
       hub_(node, configuration.events, post_,
            {[this](const HubEvent& event) { take_event(event); },
             [this](const Standing& standing) { hub_standing_ = standing; },
@@ -103,6 +106,7 @@ expected<void, SetupError> Console::start(
   if (auto started = records_.start(); !started) return started;
   if (auto started = downloads_.start(); !started) return started;
   marks_.start();
+  if (auto started = reviews_.start(); !started) return started;
   router_.add_json(
       "console/dismiss",
       [this](const PendingCall& call, const nlohmann::json& request) { dismiss(call, request); });
@@ -170,6 +174,7 @@ void Console::stop() {
   media_watch_.stop();
   records_.stop_reading();
   downloads_.stop();
+  reviews_.stop();
   pool_.stop();
   background_.stop();
   urgent_.stop();

@@ -26,6 +26,7 @@
 #include "operators/stop_desk.hpp"
 #include "parameters/parameter_desk.hpp"
 #include "recording/record_desk.hpp"
+#include "review/review_desk.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "services/call_router.hpp"
@@ -95,6 +96,7 @@ class Console final : public ConnectionHandler, public DownloadSource {
   RecordDesk records_;
   DownloadDesk downloads_;
   MarkDesk marks_;
+  ReviewDesk reviews_;
   HubWatch hub_;
   DeviceWatch device_watch_;
   MediaWatch media_watch_;

@@ -228,16 +228,30 @@ void RecordDesk::list(const PendingCall& call) {
     return router_.succeed(call, OrderedJson{{"files", OrderedJson::array()}});
   }
   const bool is_queued = reading_.run("recordings", [this, call] {
+    const std::vector<std::string> purged = folder_.purge(rt::utc_ns(rt::now()));
+    const RecordingList list = folder_.list();
     OrderedJson files = OrderedJson::array();
-    for (const RecordingFile& file : folder_.list()) {
+    for (const RecordingFile& file : list.files) {
       files.push_back({{"file", file.file},
                        {"byte_count", file.byte_count},
                        {"begin_ns", file.begin_ns},
                        {"end_ns", file.end_ns},
                        {"message_count", file.message_count},
-                       {"is_complete", file.is_complete}});
+                       {"is_complete", file.is_complete},
+                       {"session", file.session}});
     }
-    post_([this, call, files] { router_.succeed(call, OrderedJson{{"files", files}}); });
+    OrderedJson deleted = OrderedJson::array();
+    for (const DeletedRecording& each : folder_.deleted()) {
+      deleted.push_back({{"id", each.id},
+                         {"file", each.file},
+                         {"deleted_ns", each.deleted_ns},
+                         {"byte_count", each.byte_count}});
+    }
+    const OrderedJson reply{{"files", std::move(files)},
+                            {"omitted_count", list.omitted_count},
+                            {"deleted", std::move(deleted)},
+                            {"purged", purged}};
+    post_([this, call, reply] { router_.succeed(call, reply); });
   });
   if (!is_queued) router_.fail(call, "too much waits to be done; try again");
 }
@@ -307,6 +321,13 @@ void RecordDesk::deliver(std::uint64_t replay_id, std::uint16_t channel, std::ui
   if (found != replay_channels_.end()) {
     channels_.publish(found->second, log_time_ns, std::move(payload));
   }
+}
+
+std::string RecordDesk::use_of(const std::string& file) const {
+  const std::lock_guard lock(mutex_);
+  if ((recording_ || is_changing_) && file == recorded_file_) return file + " is being recorded";
+  if (player_ && file == played_file_) return file + " is being replayed; close it first";
+  return {};
 }
 
 nlohmann::ordered_json RecordDesk::recording_json() const {

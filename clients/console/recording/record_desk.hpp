@@ -40,6 +40,10 @@ class RecordDesk {
   [[nodiscard]] expected<void, SetupError> start();
   [[nodiscard]] nlohmann::ordered_json recording_json() const;
   [[nodiscard]] nlohmann::ordered_json replay_json() const;
+  /// Why the recording must stay as it is; empty if it need not.
+  [[nodiscard]] std::string use_of(const std::string& file) const;
+  /// The folder, for others who read and change recordings.
+  [[nodiscard]] RecordingFolder& folder() noexcept { return folder_; }
   /// Stops reading files. Work that it has posted must not run afterwards.
   void stop_reading();
   /// Ends recording and replay, once no other thread runs.

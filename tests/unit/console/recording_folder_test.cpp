@@ -22,7 +22,7 @@ class FolderOfRecordings : public testing::Test {
   /// The names that the console lists.
   [[nodiscard]] std::vector<std::string> names() {
     std::vector<std::string> names;
-    for (const RecordingFile& file : listed_.list())
+    for (const RecordingFile& file : listed_.list().files)
       names.push_back(file.file);
     return names;
   }
@@ -49,22 +49,22 @@ TEST_F(FolderOfRecordings, ListsASparseFileWithoutReadingIt) {
   recording::put_content(folder_.fresh("holes"), foreign::header());
   ASSERT_EQ(::truncate(folder_.path("holes").c_str(), 1'000'000'000'000), 0);
   EXPECT_EQ(names(), std::vector<std::string>{"holes.mcap"});
-  EXPECT_FALSE(listed_.list().at(0).is_complete);
+  EXPECT_FALSE(listed_.list().files.at(0).is_complete);
 }
 
 TEST_F(FolderOfRecordings, ListsAFileWhileItGrowsAndWhenItIsComplete) {
   auto writer = recording::FileWriter::create(folder_.fresh("run"));
   ASSERT_TRUE(writer);
-  EXPECT_FALSE(listed_.list().at(0).is_complete);
+  EXPECT_FALSE(listed_.list().files.at(0).is_complete);
   recording::write_messages(**writer, 10);
   ASSERT_TRUE((*writer)->close());
-  const auto files = listed_.list();
+  const auto files = listed_.list().files;
   ASSERT_EQ(files.size(), 1u);
   EXPECT_TRUE(files[0].is_complete);
   EXPECT_EQ(files[0].message_count, 10u);
   EXPECT_EQ(files[0].begin_ns, 1'000'000u);
   std::filesystem::remove(folder_.path("run"));
-  EXPECT_TRUE(listed_.list().empty());
+  EXPECT_TRUE(listed_.list().files.empty());
 }
 
 TEST_F(FolderOfRecordings, RefusesMoreTopicsThanAPageCanShow) {

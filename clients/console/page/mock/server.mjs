@@ -5,6 +5,7 @@ import {createReadStream} from 'node:fs';
 import {createServer} from 'node:http';
 import {fileURLToPath} from 'node:url';
 import {WebSocketServer} from 'ws';
+import {Reviews} from './review.mjs';
 import {picturePayloads, samplePayload, schemas, touchPayload} from './payloads.mjs';
 import {System} from './system.mjs';
 
@@ -28,8 +29,20 @@ const files = [
     end_ns: (start - 570_000) * 1e6,
     message_count: 92_114,
     is_complete: true,
+    session: {participant: 'P07', experiment: 'stiffness', condition: 'soft first'},
+  },
+  {
+    file: 'run-2.mcap',
+    byte_count: 4_294_967_296,
+    begin_ns: (start - 4_200_000) * 1e6,
+    end_ns: (start - 600_000) * 1e6,
+    message_count: 18_400_221,
+    is_complete: true,
+    session: {participant: 'P08', experiment: 'stiffness', condition: 'stiff first'},
   },
 ];
+const reviews = new Reviews(files);
+const kReviewServices = reviews.services();
 
 const channels = [];
 function addChannel(topic, schemaName = '') {
@@ -78,6 +91,7 @@ const services = [
     'replay_play',
     'replay_pause',
     'replay_close',
+    ...Object.keys(kReviewServices),
   ].map((name) => `console/${name}`),
   ...Object.keys(system.lists).flatMap((name) =>
     [
@@ -234,7 +248,6 @@ const kCommands = {
     files.push({...made, begin_ns: since * 1e6, end_ns: end * 1e6, is_complete: true});
     return {...made, drop_count: 0};
   },
-  recordings: () => ({files}),
   download({file, format}) {
     if (!files.some((one) => one.file === file)) throw new Error(`there is no recording ${file}`);
     const name = format === 'csv' ? file.replace('.mcap', '.csv') : file;
@@ -248,6 +261,8 @@ const kCommands = {
   }),
   download_progress: () => ({part: 0.5}),
   download_cancel: () => ({}),
+  recordings: () => ({files, omitted_count: 0, deleted: reviews.deleted, purged: []}),
+  ...kReviewServices,
   replay_open({file}) {
     const found = files.find((one) => one.file === file);
     if (!found) throw new Error(`there is no recording ${file}`);

@@ -15,6 +15,7 @@ import './styles/overview.css';
 import './styles/exports.css';
 import './styles/session.css';
 import './styles/plots.css';
+import './styles/review.css';
 import 'uplot/dist/uPlot.min.css';
 
 const nowMs = () => performance.now();

@@ -27,6 +27,11 @@ describe('JSON', () => {
     ]);
   });
 
+  it('leaves the digits of fractions alone', () => {
+    const text = '[0.07894561237894561234,-1.0000000000000002,1234567890123456.5]';
+    expect(parseJson(text)).toEqual(JSON.parse(text));
+  });
+
   it("reads FlatBuffers' inf, -inf and nan", () => {
     expect(parseJson('{"low": -inf, "high": inf, "value": nan}')).toEqual({
       low: -Infinity,

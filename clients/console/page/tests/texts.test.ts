@@ -10,8 +10,6 @@ const kPlain = new Set([
   'views/commands.tsx',
   'views/device_status.tsx',
   'views/incidents.tsx',
-  'views/recordings.tsx',
-  'views/timeline.tsx',
 ]);
 /** Names, units and marks are the same in every language. */
 const kSame = /^(RTPM console|REC|REPLAY|[^A-Za-z]*|[A-Za-zµ°]{1,2}|rad)$/;

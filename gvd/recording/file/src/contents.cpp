@@ -81,6 +81,7 @@ expected<bool, SetupError> Finder::take_summary(const SummaryPlace& place) {
   }
   if (is_sufficient()) return true;
   found_.blocks.clear();
+  found_.indexed_channels.clear();
   found_.metadata.clear();
   found_.attachments.clear();
   return false;
@@ -94,10 +95,15 @@ bool Finder::take_of_summary(Opcode opcode, ConstBytes content) {
     if (!place || place->opcode != Opcode::kChunk) return false;
     // The messages of a chunk without stated times may have any time.
     if (index->begin_ns == 0 && index->end_ns == 0) index->end_ns = UINT64_MAX;
-    found_.blocks.push_back(
-        {.begin_ns = index->begin_ns, .end_ns = index->end_ns, .chunk = *place});
-    for (const auto& [channel, offset] : index->index_offsets)
+    found_.blocks.push_back({.begin_ns = index->begin_ns,
+                             .end_ns = index->end_ns,
+                             .chunk = *place,
+                             .first_channel = found_.indexed_channels.size(),
+                             .channel_count = index->index_offsets.size()});
+    for (const auto& [channel, offset] : index->index_offsets) {
       is_indexed_[channel] = true;
+      found_.indexed_channels.push_back(channel);
+    }
   } else if (opcode == Opcode::kStatistics) {
     auto stated = parse<StatedStatistics>(content);
     if (!stated) return false;

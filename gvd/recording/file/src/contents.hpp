@@ -19,6 +19,9 @@ struct Block {
   bool is_chunk = true;
   std::uint64_t begin = 0;  ///< Offset of records outside chunks.
   std::uint64_t end = 0;
+  /// The channels that the chunk's index names: a part of Contents::indexed_channels.
+  std::size_t first_channel = 0;
+  std::size_t channel_count = 0;  ///< 0 if no index tells the channels.
   /// Offset in the file.
   [[nodiscard]] std::uint64_t place() const noexcept { return is_chunk ? chunk.offset : begin; }
 };
@@ -30,6 +33,7 @@ struct Contents {
   Statistics statistics{};
   bool is_complete = false;
   std::vector<Block> blocks{};  ///< Ordered by `begin_ns`.
+  std::vector<std::uint16_t> indexed_channels{};
   std::vector<RecordPlace> metadata{};
   std::vector<RecordPlace> attachments{};
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <span>
 #include <utility>
 
 #include "contents.hpp"
@@ -48,6 +49,13 @@ class Merge {
   }
 
   [[nodiscard]] bool is_empty() const noexcept { return open_.empty(); }
+  /// Whether the block's index names a wanted channel, or there is no index.
+  [[nodiscard]] bool is_wanted(const Block& block, const Contents& contents) const {
+    const auto channels =
+        std::span(contents.indexed_channels).subspan(block.first_channel, block.channel_count);
+    return channels.empty() ||
+           std::ranges::any_of(channels, [this](auto channel) { return is_wanted_[channel]; });
+  }
   /// The log time of the next message.
   [[nodiscard]] std::uint64_t next_ns() const { return top().entries[top().next].log_time_ns; }
   [[nodiscard]] Message message() const { return top().message(); }
@@ -163,7 +171,7 @@ expected<void, SetupError> FileReader::read(const Query& query,
         next = blocks.size();
         break;
       }
-      if (block.end_ns < query.from_ns) continue;
+      if (block.end_ns < query.from_ns || !merge.is_wanted(block, impl_->contents)) continue;
       if (progress && !progress(next - 1, blocks.size())) {
         return unexpected{stopped("the reading of " + impl_->file.path())};
       }

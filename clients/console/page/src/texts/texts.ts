@@ -879,6 +879,212 @@ export const kTexts = {
     length: ['Duration', 'Dauer'],
     running: ['running', 'läuft'],
   },
+  recordings: {
+    refresh: ['Read the list anew', 'Liste neu lesen'],
+    reading: ['Reading the list.', 'Die Liste wird gelesen.'],
+    noService: [
+      'The list needs a connection that may command.',
+      'Die Liste braucht eine Verbindung, die steuern darf.',
+    ],
+    none: ['No recordings yet.', 'Noch keine Aufnahmen.'],
+    noneFound: ['No recording has these words.', 'Keine Aufnahme hat diese Wörter.'],
+    search: [
+      'Search by file, participant, experiment, condition',
+      'Nach Datei, Person, Experiment, Bedingung suchen',
+    ],
+    count: [
+      (shown: string, all: string) => `${shown} of ${all}`,
+      (shown: string, all: string) => `${shown} von ${all}`,
+    ],
+    omitted: [
+      (count: string) => `${count} older recordings are in the folder, and not in this list.`,
+      (count: string) => `${count} ältere Aufnahmen sind im Ordner, aber nicht in dieser Liste.`,
+    ],
+    showMore: [
+      (count: number) => `Show ${count} more`,
+      (count: number) => `${count} weitere zeigen`,
+    ],
+    file: ['File', 'Datei'],
+    participant: ['Participant', 'Person'],
+    experiment: ['Experiment', 'Experiment'],
+    condition: ['Condition', 'Bedingung'],
+    from: ['From', 'Beginn'],
+    length: ['Length', 'Dauer'],
+    messages: ['Messages', 'Nachrichten'],
+    size: ['Size', 'Größe'],
+    notComplete: ['not complete', 'unvollständig'],
+    replay: ['Replay', 'Abspielen'],
+    replayAgain: ['Replay again', 'Erneut abspielen'],
+    replayOf: [(file: string) => `Replay ${file}`, (file: string) => `${file} abspielen`],
+    deleteOf: [(file: string) => `Delete ${file}`, (file: string) => `${file} löschen`],
+    remove: ['Delete', 'Löschen'],
+    removed: [(file: string) => `${file} is deleted.`, (file: string) => `${file} ist gelöscht.`],
+    undo: ['Undo', 'Rückgängig'],
+    purged: [
+      (files: string) =>
+        `Gone for good, because they were deleted long ago or take too much: ${files}.`,
+      (files: string) => `Endgültig entfernt, weil lange gelöscht oder zu groß: ${files}.`,
+    ],
+    deletedTitle: [
+      (count: number, size: string) => `Deleted: ${count}, ${size}`,
+      (count: number, size: string) => `Gelöscht: ${count}, ${size}`,
+    ],
+    deletedText: [
+      'They can be restored for 30 days, or until there are more than 200 or 64 GiB.',
+      'Sie lassen sich 30 Tage lang wiederherstellen, oder bis es mehr als 200 oder 64 GiB sind.',
+    ],
+    restore: ['Restore', 'Wiederherstellen'],
+    restoreOf: [(file: string) => `Restore ${file}`, (file: string) => `${file} wiederherstellen`],
+    restored: [
+      (file: string) => `${file} is back in the list.`,
+      (file: string) => `${file} ist wieder in der Liste.`,
+    ],
+    empty: ['Remove all for good', 'Alle endgültig entfernen'],
+    emptyQuestion: [
+      (count: number) => `Remove ${count} deleted recordings for good? This can't be undone.`,
+      (count: number) =>
+        `${count} gelöschte Aufnahmen endgültig entfernen? Das lässt sich nicht rückgängig machen.`,
+    ],
+    renamed: [
+      (from: string, to: string) => `${from} is now ${to}.`,
+      (from: string, to: string) => `${from} heißt jetzt ${to}.`,
+    ],
+    complete: [
+      (file: string, count: number, dropped: number) =>
+        `${file} is complete: ${count} messages, ${dropped > 0 ? dropped : 'none'} dropped.`,
+      (file: string, count: number, dropped: number) =>
+        `${file} ist vollständig: ${count} Nachrichten, ${dropped > 0 ? dropped : 'keine'} verloren.`,
+    ],
+  },
+  replay: {
+    title: ['Replay', 'Wiedergabe'],
+    mark: ['REPLAY', 'WIEDERGABE'],
+    play: ['Play', 'Abspielen'],
+    pause: ['Pause', 'Anhalten'],
+    time: ['Time of the replay', 'Zeit der Wiedergabe'],
+    timeOf: [
+      (at: string, all: string) => `${at} of ${all}`,
+      (at: string, all: string) => `${at} von ${all}`,
+    ],
+    speed: ['Speed', 'Geschwindigkeit'],
+  },
+  review: {
+    opening: ['Opening the recording.', 'Die Aufnahme wird geöffnet.'],
+    noService: [
+      'A review needs a connection that may command.',
+      'Eine Durchsicht braucht eine Verbindung, die steuern darf.',
+    ],
+    messages: [(count: string) => `${count} messages`, (count: string) => `${count} Nachrichten`],
+    notEnded: ['not complete', 'unvollständig'],
+    notEndedText: [
+      'This recording was not ended: its recorder died, or still runs. What is whole shows here; ' +
+        '“rtpm bag recover” saves it in a new file.',
+      'Diese Aufnahme wurde nicht beendet: Der Rekorder ist abgestürzt oder läuft noch. Was ganz ' +
+        'ist, wird gezeigt; „rtpm bag recover“ rettet es in eine neue Datei.',
+    ],
+    omittedFields: [
+      (count: number) => `${count} further fields are not shown: a review has at most 1024.`,
+      (count: number) => `${count} weitere Felder fehlen: Eine Durchsicht hat höchstens 1024.`,
+    ],
+    unreadable: [
+      (topics: string) => `The schemas of these topics can't be read: ${topics}.`,
+      (topics: string) => `Die Schemata dieser Themen sind nicht lesbar: ${topics}.`,
+    ],
+    replayFrom: [(time: string) => `Replay from ${time}`, (time: string) => `Abspielen ab ${time}`],
+    addNote: ['Add note', 'Notiz hinzufügen'],
+    noteAt: [(time: string) => `Note at ${time}`, (time: string) => `Notiz bei ${time}`],
+    cut: ['Cut this part', 'Ausschnitt speichern'],
+    cutPart: [
+      (from: string, to: string, length: string) => `New file with ${from} – ${to} (${length})`,
+      (from: string, to: string, length: string) => `Neue Datei mit ${from} – ${to} (${length})`,
+    ],
+    cutting: [
+      (file: string, percent: number) => `Cutting ${file}: ${percent} %`,
+      (file: string, percent: number) => `${file} wird geschnitten: ${percent} %`,
+    ],
+    cutDone: [(file: string) => `${file} is ready.`, (file: string) => `${file} ist fertig.`],
+    rename: ['Rename', 'Umbenennen'],
+    newName: ['New name', 'Neuer Name'],
+    remove: ['Delete', 'Löschen'],
+    runTitle: ['Whole run', 'Gesamter Lauf'],
+    strip: [
+      (file: string) => `Whole run of ${file}: arrow keys move the crosshair, plus and minus zoom`,
+      (file: string) =>
+        `Gesamter Lauf von ${file}: Pfeiltasten bewegen das Fadenkreuz, Plus und Minus zoomen`,
+    ],
+    stripText: [
+      (field: string, length: string) => (field === '' ? length : `${field}, ${length}`),
+      (field: string, length: string) => (field === '' ? length : `${field}, ${length}`),
+    ],
+    stripReading: [
+      (percent: number) => `Reading the recording: ${percent} %`,
+      (percent: number) => `Die Aufnahme wird gelesen: ${percent} %`,
+    ],
+    slider: [
+      (at: string, from: string, to: string) => `${at}; ${from} to ${to} show`,
+      (at: string, from: string, to: string) => `${at}; ${from} bis ${to} sichtbar`,
+    ],
+    hint: [
+      'Drag: zoom to a part. Wheel: zoom. Shift and drag: move. Click: set the crosshair.',
+      'Ziehen: Ausschnitt. Rad: Zoom. Umschalt und Ziehen: verschieben. Klick: Fadenkreuz.',
+    ],
+    zoomIn: ['Zoom in', 'Vergrößern'],
+    zoomOut: ['Zoom out', 'Verkleinern'],
+    showAll: ['Show all', 'Alles zeigen'],
+    compare: ['Compare with', 'Vergleichen mit'],
+    compareNone: ['no other recording', 'keiner anderen Aufnahme'],
+    alignAt: ['Aligned at', 'Ausgerichtet an'],
+    alignBegin: ['their beginning', 'ihrem Beginn'],
+    charts: ['Charts', 'Kurven'],
+    chart: [
+      (what: string) => `${what}: arrow keys move the crosshair, plus and minus zoom`,
+      (what: string) => `${what}: Pfeiltasten bewegen das Fadenkreuz, Plus und Minus zoomen`,
+    ],
+    reading: ['reading…', 'wird gelesen …'],
+    coarse: ['least and greatest values', 'kleinste und größte Werte'],
+    exact: ['read from the file', 'aus der Datei gelesen'],
+    chooseFields: [
+      (shown: number, all: number) => `Fields: ${shown} of ${all}`,
+      (shown: number, all: number) => `Felder: ${shown} von ${all}`,
+    ],
+    searchFields: ['Search fields, such as “arm0 force”', 'Felder suchen, etwa „arm0 force“'],
+    moreFields: ['More fields match: type more.', 'Weitere Felder passen: mehr eingeben.'],
+    noneFound: ['No field has these words.', 'Kein Feld hat diese Wörter.'],
+    noFields: ['No field is chosen.', 'Kein Feld ist gewählt.'],
+    removeField: [(path: string) => `Remove ${path}`, (path: string) => `${path} entfernen`],
+    happenings: ['What happened', 'Was geschah'],
+    kindsLabel: ['Kinds that show', 'Gezeigte Arten'],
+    ofAll: [
+      (inside: string, all: string) => `${inside} of ${all} in this part`,
+      (inside: string, all: string) => `${inside} von ${all} in diesem Teil`,
+    ],
+    marker: ['Marker', 'Marke'],
+    trial: ['Trial', 'Durchgang'],
+    note: ['Note', 'Notiz'],
+    fault: ['Fault', 'Störung'],
+    stop: ['Stop', 'Halt'],
+    lost: ['Lost', 'Verlust'],
+    lease: ['Lease', 'Leihe'],
+    endless: ['(no end recorded)', '(kein Ende aufgenommen)'],
+    thinned: [
+      (shown: string, all: string) => `${shown} of ${all} show, evenly chosen: zoom in for all.`,
+      (shown: string, all: string) =>
+        `${shown} von ${all} werden gezeigt, gleichmäßig gewählt: für alle hineinzoomen.`,
+    ],
+    nothingHappened: [
+      'No markers, trials, notes or incidents.',
+      'Keine Marken, Durchgänge, Notizen oder Vorfälle.',
+    ],
+    nothingHere: ['Nothing in this part.', 'Nichts in diesem Teil.'],
+    moreHappenings: [
+      (count: number) => `${count} more: zoom in.`,
+      (count: number) => `${count} weitere: hineinzoomen.`,
+    ],
+    removeNote: [
+      (text: string) => `Remove note “${text}”`,
+      (text: string) => `Notiz „${text}“ entfernen`,
+    ],
+  },
 } as const;
 
 export const kLanguages = ['en', 'de'] as const;

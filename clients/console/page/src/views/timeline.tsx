@@ -1,6 +1,7 @@
 import {useEffect, useRef, useState} from 'preact/hooks';
 import {useApp} from '../store/app';
 import {clock} from '../parts/text';
+import {texts} from '../texts/texts';
 
 const kSpeeds = [0.1, 0.25, 0.5, 1, 2, 5];
 const kSeekMs = 100;
@@ -16,6 +17,7 @@ export function Timeline() {
   useEffect(() => setDragged(null), [timeNs]);
   if (replay === null) return null;
   const {recordings} = app;
+  const words = texts.value.replay;
   const lengthS = (replay.endNs - replay.beginNs) / 1e9;
   const timeS = draggedS ?? (replay.timeNs - replay.beginNs) / 1e9;
   const isUsable = app.isLive.value && app.mayCommand.value;
@@ -31,8 +33,8 @@ export function Timeline() {
     await recordings.play(replay.speed > 0 ? replay.speed : 1);
   };
   return (
-    <footer class="timeline" aria-label="Replay">
-      <span class="timeline-mark">REPLAY</span>
+    <footer class="timeline" aria-label={words.title}>
+      <span class="timeline-mark">{words.mark}</span>
       <button
         type="button"
         disabled={!isUsable}
@@ -40,7 +42,7 @@ export function Timeline() {
         data-testid="play"
         onClick={() => void (replay.isPlaying ? recordings.pause() : play())}
       >
-        {replay.isPlaying ? 'Pause' : 'Play'}
+        {replay.isPlaying ? words.pause : words.play}
       </button>
       <input
         type="range"
@@ -49,8 +51,8 @@ export function Timeline() {
         step={Math.max(0.001, lengthS / 2000)}
         value={timeS}
         disabled={!isUsable}
-        aria-label="Time of the replay"
-        aria-valuetext={`${clock(timeS)} of ${clock(lengthS)}`}
+        aria-label={words.time}
+        aria-valuetext={words.timeOf(clock(timeS), clock(lengthS))}
         onInput={(event) => seek(Number(event.currentTarget.value), false)}
         onChange={(event) => seek(Number(event.currentTarget.value), true)}
       />
@@ -58,7 +60,7 @@ export function Timeline() {
         {clock(timeS, 1)} / {clock(lengthS, 1)}
       </output>
       <label class="speed">
-        <span class="visually-hidden">Speed</span>
+        <span class="visually-hidden">{words.speed}</span>
         <select
           value={String(replay.speed)}
           disabled={!isUsable}
@@ -74,7 +76,7 @@ export function Timeline() {
         </select>
       </label>
       <button type="button" disabled={!isUsable} onClick={() => void recordings.close()}>
-        Close
+        {texts.value.parts.close}
       </button>
     </footer>
   );
