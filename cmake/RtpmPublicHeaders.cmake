@@ -47,6 +47,7 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/gvd/device_event.hpp
   rtpm/gvd/emergency.hpp
   rtpm/gvd/error.hpp
+  rtpm/gvd/holder.hpp
   rtpm/gvd/lease.hpp
   rtpm/gvd/observer.hpp
   rtpm/gvd/offer.hpp

@@ -6,6 +6,7 @@
 #include "drivers.hpp"
 #include "isolated_driver.hpp"
 #include "rtpm/configuration/client.hpp"
+#include "rtpm/gvd/holder.hpp"
 #include "rtpm/gvd/offer.hpp"
 
 namespace rtpm::deviced {
@@ -132,6 +133,7 @@ expected<void, SetupError> HostedDevice::add_to(rpc::Server& server,
     return added;
   };
   if (auto added = add(name_, server_->servant()); !added) return added;
+  if (auto added = add(gvd::holder_path(name_), server_->holder_servant()); !added) return added;
   return add(gvd::configuration_path(name_), manager_->servant());
 }
 

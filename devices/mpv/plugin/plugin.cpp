@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "inside_driver.hpp"
+#include "rtpm/gvd/holder.hpp"
 #include "rtpm/gvd/offer.hpp"
 #include "rtpm/gvd/publisher.hpp"
 #include "rtpm/gvd/server.hpp"
@@ -64,6 +65,9 @@ class Service {
     server_ = std::move(*server);
     if (auto added = server_->add(name, device_->servant()); !added) return added;
     catalog_.add(name, device_->servant());
+    if (auto added = server_->add(gvd::holder_path(name), device_->holder_servant()); !added)
+      return added;
+    catalog_.add(gvd::holder_path(name), device_->holder_servant());
     if (auto added = catalog_.serve(*server_); !added) return added;
     if (auto started = publisher_->start(); !started) return started;
     if (auto started = device_->start(); !started) return started;

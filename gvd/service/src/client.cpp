@@ -7,6 +7,7 @@
 
 #include "flight_wire.hpp"
 #include "rtpm/gvd/command_lease.hpp"
+#include "rtpm/gvd/holder.hpp"
 #include "rtpm/gvd/lease.hpp"
 #include "rtpm/gvd/models_wire.hpp"
 #include "rtpm/gvd/wire.hpp"
@@ -38,8 +39,10 @@ DeviceResult result_of(const expected<device::Outcome, rpc::CallError>& reply) n
 }  // namespace
 
 struct DeviceClient::Impl {
-  Impl(device::DeviceClient bound, const device::Description& description, Duration hold_wanted)
-      : stub(std::move(bound)),
+  Impl(rpc::Node& its_node, device::DeviceClient bound, const device::Description& description,
+       Duration hold_wanted)
+      : node(its_node),
+        stub(std::move(bound)),
         descriptor(from_wire(description)),
         hold(std::clamp(hold_wanted, Duration{0}, from_us(description.hold_us_max()))),
         operator_priority(std::min<int>(description.operator_priority(), Priority::kHighest)) {
@@ -58,6 +61,7 @@ struct DeviceClient::Impl {
       return unexpected{static_cast<DeviceOutcome>(granted->outcome())};
     }
     lease.store(granted->id(), std::memory_order_relaxed);
+    introduce(node, stub.binding().url(), granted->id(), own_holder_name());
     return {};
   }
   DeviceResult release() {
@@ -66,6 +70,7 @@ struct DeviceClient::Impl {
     return result_of(stub.release(device::Holder{held}));
   }
 
+  rpc::Node& node;
   device::DeviceClient stub;
   driver::Descriptor descriptor;
   Duration hold;
@@ -100,7 +105,7 @@ expected<DeviceClient, SetupError> DeviceClient::open_once(rpc::Node& node, std:
       return setup_error("device " + std::string(device) + " was found, but not described",
                          description.error());
     }
-    impl = std::make_unique<Impl>(std::move(*stub), **description, options.hold);
+    impl = std::make_unique<Impl>(node, std::move(*stub), **description, options.hold);
   }
   return DeviceClient{std::move(impl)};
 }

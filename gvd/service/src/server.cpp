@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "configurable_device.hpp"
+#include "holder_servant.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/semaphore.hpp"
@@ -119,6 +120,7 @@ struct DeviceServer::Impl {
         config(std::move(given)),
         cycle(*driver, config.cycle, random_lease_key()),
         servant(cycle, descriptor, config.cycle.period, config.view),
+        holder_servant(cycle.lease()),
         configurable(*driver, descriptor, cycle) {}
 
   expected<void, SetupError> start() {
@@ -208,6 +210,7 @@ struct DeviceServer::Impl {
   DeviceServerConfig config;
   DeviceCycle cycle;
   DeviceServant servant;
+  HolderServant holder_servant;
   ConfigurableDevice configurable;
   std::atomic<bool> is_stopping{false};
   rt::Semaphore has_ended{};  ///< Posted by the device's thread.
@@ -258,6 +261,9 @@ const FlightRecorder& DeviceServer::flight_recorder() const noexcept {
 }
 rpc::Servant& DeviceServer::servant() noexcept {
   return impl_->servant;
+}
+rpc::Servant& DeviceServer::holder_servant() noexcept {
+  return impl_->holder_servant;
 }
 Configurable& DeviceServer::configurable() noexcept {
   return impl_->configurable;

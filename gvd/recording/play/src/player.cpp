@@ -5,6 +5,7 @@
 
 #include "event_player.hpp"
 #include "replayed_device.hpp"
+#include "rtpm/gvd/holder.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/registration.hpp"
 #include "rtpm/replay/playback.hpp"
@@ -55,6 +56,9 @@ struct Player::Impl final : gvd::EmergencyStops, Script {
       rpc::Servant& servant = device->server().servant();
       if (auto added = server->add(name, servant); !added) return added;
       catalog.add(name, servant);
+      rpc::Servant& holder = device->server().holder_servant();
+      if (auto added = server->add(gvd::holder_path(name), holder); !added) return added;
+      catalog.add(gvd::holder_path(name), holder);
       served.push_back({name, server->url(name)});
     }
     if (auto added = server->add(introspection::kPath, catalog); !added) return added;

@@ -106,6 +106,9 @@ class DeviceServer {
 
   /// The object for an rpc::Server; lives as long as this.
   [[nodiscard]] rpc::Servant& servant() noexcept;
+  /// The object that names the lease's holder, for an rpc::Server at holder_path(); lives as long
+  /// as this.
+  [[nodiscard]] rpc::Servant& holder_servant() noexcept;
   /// The device's parameters and calibrations, for a ConfigurationManager; lives as long as this.
   /// Once started, changes happen between two cycles; before, at once on the caller's thread.
   /// @threads  any
