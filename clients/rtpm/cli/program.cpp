@@ -153,6 +153,7 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_mark(*program, context);
   add_hz(*program, context);
   add_consumers(*program, context);
+  add_incidents(*program, context);
   add_record(*program, context);
   add_session(*program, context);
   add_play(*program, context);

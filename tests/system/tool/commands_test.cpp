@@ -68,6 +68,8 @@ std::vector<Case> cases() {
        "in the field 'button'"},
       {"mark", "pause", "marked: pause", "pause --hub lab/none", 3, "lab/none"},
       {"consumers", "", "CONSUMER", "--hub lab/none", 3, "lab/none"},
+      {"incidents", "--file NONE", "no incident so far", "acknowledge 7 --as Anna --file NONE", 1,
+       "no incident 7"},
       {"hz", sampled + " --for 200ms", "JITTER RMS", "--hub rtpm/event", 3, "rtpm/events"},
       {"record", "NEW1 --for 200ms", " messages, ", "RUN --for 10ms", 1, "exists"},
       {"session", "--pattern NEW1 --for 200ms", " messages, ", "--pattern {x} --for 10ms", 2,
