@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "rtpm/incidents/file.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/options/options.hpp"
 #include "web/token.hpp"
@@ -26,6 +27,9 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("events", configuration.events, "The hub of events, by name or URL");
   options.add("page", configuration.page, "The folder of the page; default: the installed one");
   options.add("recordings", configuration.recordings, "The folder of recordings");
+  options.add("incidents", configuration.incidents,
+              "The file that keeps the incidents; empty: ~/.local/state/rtpm/incidents.jsonl; "
+              "'none': they end with this program");
   options.add("read-only", configuration.is_read_only, "Let nobody command anything");
   options.add_secret(
       "token", configuration.token,
@@ -47,6 +51,11 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   }
   if (!configuration.token.empty() && !configuration.token_file.empty()) {
     return options.usage_error("there are both a token and a --token-file; leave one out");
+  }
+  if (configuration.incidents.empty()) {
+    configuration.incidents = incidents::default_file();
+  } else if (configuration.incidents == "none") {
+    configuration.incidents.clear();
   }
   if (!configuration.token.empty() && !is_token(configuration.token)) {
     return options.usage_error("the token in RTPM_CONSOLE_TOKEN, or in --config, must have " +

@@ -20,6 +20,8 @@ struct Configuration {
   std::string events{events::kHubPath};  ///< The hub's name or URL.
   std::string page{};                    ///< The page's folder; if empty, the installed one.
   std::string recordings{};              ///< The folder of recordings; empty if there is none.
+  /// The file of incidents; empty: they end with this program.
+  std::string incidents{};
   bool is_read_only = false;
   std::string token{};        ///< If empty, a random token, or the one in `token_file`.
   std::string token_file{};   ///< The file that keeps the token; empty if there is none.

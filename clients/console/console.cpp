@@ -65,6 +65,8 @@ Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
                const auto found = devices_.find(name);
                return found == devices_.end() ? nullptr : found->second.link();
              }}),
+      incidents_({configuration.incidents, configuration.recordings}, router_, channels_, post_,
+                 [this](std::uint64_t connection_id) { return desk_.name_of(connection_id); }),
       objects_services_(node, router_, desk_, pool_, background_, post_,
                         [this](const std::string& name) {
                           const auto found = devices_.find(name);
@@ -107,6 +109,7 @@ expected<void, SetupError> Console::start(
   if (auto started = downloads_.start(); !started) return started;
   marks_.start();
   if (auto started = reviews_.start(); !started) return started;
+  if (auto started = incidents_.start(); !started) return started;
   router_.add_json(
       "console/dismiss",
       [this](const PendingCall& call, const nlohmann::json& request) { dismiss(call, request); });
@@ -124,6 +127,7 @@ expected<void, SetupError> Console::start(
   every(kStateInterval, [this] { publish_state(); });
   every(kLatencyInterval, [this] { publish_latency(); });
   every(kLatencyInterval, [this] { publish_graph(); });
+  every(kLatencyInterval, [this] { incidents_.publish(rt::now()); });
   every(kMediaInterval, [this] { media_watch_.set_watched(media_channels_.watched()); });
   every(kIdleInterval, [this] { event_channels_.drop_idle(rt::now()); });
   every(kIdleInterval, [this] { downloads_.expire(rt::now()); });
@@ -181,6 +185,7 @@ void Console::stop() {
   hub_.stop();
   desk_.release_all();
   records_.close();
+  incidents_.stop();
 }
 
 void Console::on_open(Connection& connection) {
@@ -418,8 +423,10 @@ Json Console::state() const {
   Json events = event_channels_.state();
   events["dropped_count"] = hub_.dropped_count();
   Json devices = Json::array();
-  for (const auto& [name, device] : devices_)
+  for (const auto& [name, device] : devices_) {
     devices.push_back(device.json(now, parameters_.has(name), desk_.left(name, now)));
+    desk_.add_operator(name, now, devices.back()["lease"]);
+  }
   Json objects = Json::array();
   for (const ObjectView& object : objects_.objects) {
     objects.push_back(
@@ -453,9 +460,13 @@ Json Console::state() const {
 }
 
 void Console::publish_state() {
+  const MonotonicTime now = rt::now();
+  Json shown = state();
+  incidents_.observe(shown, now);
   const std::uint32_t channel = channels_.find("console/state");
   if (!channels_.has_subscriber(channel)) return;
-  channels_.publish(channel, rt::utc_ns(rt::now()), foxglove::dumped(state()));
+  shown["incidents"] = incidents_.state_json();
+  channels_.publish(channel, rt::utc_ns(now), foxglove::dumped(shown));
 }
 
 void Console::publish_latency() {

@@ -14,6 +14,7 @@
 #include "configuration.hpp"
 #include "downloads/download_desk.hpp"
 #include "history/history_desk.hpp"
+#include "incidents/incident_desk.hpp"
 #include "live/device_state.hpp"
 #include "live/device_watch.hpp"
 #include "live/hub_report.hpp"
@@ -90,6 +91,7 @@ class Console final : public ConnectionHandler, public DownloadSource {
   WorkerPool urgent_{};      ///< Emergency stops.
   StopDesk stops_;
   OperatorDesk desk_;
+  IncidentDesk incidents_;
   ObjectServices objects_services_;
   HistoryDesk history_;
   ParameterDesk parameters_;

@@ -71,6 +71,7 @@ void DeviceState::take(const DeviceProbe& probe, MonotonicTime now) {
   if (probe.link) link_ = probe.link;
   if (probe.descriptor) descriptor_ = probe.descriptor;
   if (!probe.url.empty()) url_ = probe.url;
+  if (probe.holder) holder_ = *probe.holder;
   if (probe.latency) {
     latency_.record(now, *probe.latency);
   } else {
@@ -120,6 +121,19 @@ void DeviceState::see_sequence(std::uint64_t sequence, MonotonicTime now) {
   }
 }
 
+Json DeviceState::lease_json(MonotonicTime now, std::optional<Duration> lease_left) const {
+  const bool is_own = link_ && link_->lease() != 0;
+  std::string lease = "free";
+  if (lease_ == gvd::LeaseState::kHeld) lease = "held";
+  // Without a hub nothing is known but by the device's server.
+  if (lease_ == gvd::LeaseState::kUnknown) lease = holder_.is_held ? "held" : "unknown";
+  if (is_own) lease = "held by this console";
+  return {{"state", lease},
+          {"holder", lease == "held" && holder_.is_held ? holder_.name : ""},
+          {"since_s", lease_since_ ? Json(seconds_of(now - *lease_since_)) : Json()},
+          {"ends_in_s", is_own && lease_left ? Json(seconds_of(*lease_left)) : Json()}};
+}
+
 Json DeviceState::json(MonotonicTime now, bool has_config,
                        std::optional<Duration> lease_left) const {
   const bool is_fresh = newest_ && now - *newest_ <= kStaleAge;
@@ -144,14 +158,7 @@ Json DeviceState::json(MonotonicTime now, bool has_config,
     add_channels(json, *descriptor_);
     json["rate_hz"] = descriptor_->rate_hz;
   }
-  const bool is_own = link_ && link_->lease() != 0;
-  std::string lease = "free";
-  if (lease_ == gvd::LeaseState::kHeld) lease = "held";
-  if (lease_ == gvd::LeaseState::kUnknown) lease = "unknown";
-  if (is_own) lease = "held by this console";
-  json["lease"] = {{"state", lease},
-                   {"since_s", lease_since_ ? Json(seconds_of(now - *lease_since_)) : Json()},
-                   {"ends_in_s", is_own && lease_left ? Json(seconds_of(*lease_left)) : Json()}};
+  json["lease"] = lease_json(now, lease_left);
   json["is_stopped"] = sample_ && sample_->faults.has(driver::Fault::kEmergencyStop);
   json["has_config"] = has_config;
   return json;

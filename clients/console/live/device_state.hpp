@@ -54,7 +54,11 @@ class DeviceState {
   std::uint64_t rate_sequence_ = 0;
   std::optional<MonotonicTime> rate_begin_{};
   double sample_per_s_ = 0;
+  [[nodiscard]] nlohmann::ordered_json lease_json(MonotonicTime now,
+                                                  std::optional<Duration> lease_left) const;
+
   gvd::LeaseState lease_ = gvd::LeaseState::kUnknown;
+  HolderView holder_{};
   std::optional<MonotonicTime> lease_since_{};
   LatencyWindow latency_{};
 };

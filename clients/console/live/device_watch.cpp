@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "rtpm/base/printable.hpp"
+#include "rtpm/gvd/holder.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::console {
@@ -12,6 +14,8 @@ constexpr Duration kOpenDeadline = std::chrono::milliseconds{300};
 constexpr Duration kReadDeadline = std::chrono::milliseconds{50};
 /// The interval between a failure and the next attempt.
 constexpr Duration kRetryInterval = std::chrono::seconds{1};
+constexpr Duration kHolderInterval = std::chrono::seconds{1};
+constexpr std::size_t kHolderSizeMax = 160;
 
 }  // namespace
 
@@ -54,10 +58,28 @@ DeviceProbe DeviceWatch::read(const std::string& name, Device& device) {
     // Another device may have taken over the name.
     if (sample.error() != gvd::DeviceOutcome::kNoSample) device.client.reset();
   }
+  if (sample && begin >= device.next_holder) {
+    device.next_holder = begin + kHolderInterval;
+    probe.holder = ask_holder(device);
+  }
   probe.link = device.link;
   probe.descriptor = device.descriptor;
   if (device.client) probe.url = device.client->url();
   return probe;
+}
+
+std::optional<HolderView> DeviceWatch::ask_holder(Device& device) {
+  if (!device.holder) return std::nullopt;
+  const auto reply =
+      device.holder->holder({}, {.priority = Priority{0}, .deadline = kReadDeadline});
+  if (!reply) return std::nullopt;
+  const device::HolderReply& holder = **reply;
+  HolderView view{.is_held = holder.is_held(),
+                  .name = printable(holder.name()->string_view(), kHolderSizeMax),
+                  .held_for = std::chrono::microseconds{holder.held_us()}};
+  const std::string key_name = printable(holder.key_name()->string_view(), kHolderSizeMax);
+  if (!key_name.empty()) view.name += view.name.empty() ? key_name : ", key of " + key_name;
+  return view;
 }
 
 std::string DeviceWatch::open(const std::string& name, Device& device) {
@@ -73,6 +95,13 @@ std::string DeviceWatch::open(const std::string& name, Device& device) {
   }
   device.descriptor = std::make_shared<const driver::Descriptor>(client->descriptor());
   device.client.emplace(std::move(*client));
+  // An older server knows no holder.
+  rpc::BindOptions bind;
+  bind.deadline = kOpenDeadline;
+  auto holder =
+      device::LeaseHolderClient::bind(node_, gvd::holder_path(device.client->url()), bind);
+  device.holder.reset();
+  if (holder) device.holder.emplace(std::move(*holder));
   return {};
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <holder.rtpm.hpp>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -17,6 +18,13 @@
 
 namespace rtpm::console {
 
+/// The holder of a device's lease, as its server knows it.
+struct HolderView {
+  bool is_held = false;
+  std::string name{};  ///< Empty if it has not introduced itself.
+  Duration held_for{};
+};
+
 /// The result of one read of a device.
 struct DeviceProbe {
   std::string name{};
@@ -26,6 +34,7 @@ struct DeviceProbe {
   std::string url{};
   std::optional<driver::Sample> sample{};
   std::optional<Duration> latency{};  ///< The latency of the read.
+  std::optional<HolderView> holder{};  ///< About once a second, of servers that know it.
 };
 
 /// Reads every device periodically and measures the latency. Polls a device that does not answer
@@ -46,9 +55,12 @@ class DeviceWatch {
     std::shared_ptr<DeviceLink> link{};
     std::shared_ptr<const driver::Descriptor> descriptor{};
     MonotonicTime next{};  ///< When it is read next.
+    std::optional<device::LeaseHolderClient> holder{};
+    MonotonicTime next_holder{};
   };
   [[nodiscard]] DeviceProbe read(const std::string& name, Device& device);
   [[nodiscard]] std::string open(const std::string& name, Device& device);
+  [[nodiscard]] std::optional<HolderView> ask_holder(Device& device);
 
   rpc::Node& node_;
   std::mutex mutex_{};

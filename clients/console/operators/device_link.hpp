@@ -10,6 +10,7 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/gvd/holder.hpp"
 #include "rtpm/rpc/node.hpp"
 
 namespace rtpm::console {
@@ -25,7 +26,7 @@ class DeviceLink {
     options.deadline = deadline;
     auto stub = device::DeviceClient::bind(node, device, options);
     if (!stub) return unexpected{stub.error()};
-    auto link = std::shared_ptr<DeviceLink>(new DeviceLink(std::move(*stub)));
+    auto link = std::shared_ptr<DeviceLink>(new DeviceLink(node, std::move(*stub)));
     rpc::CallOptions call;
     call.deadline = deadline;
     const auto description = link->stub_.describe({}, call);
@@ -36,6 +37,12 @@ class DeviceLink {
   }
 
   [[nodiscard]] device::DeviceClient& stub() noexcept { return stub_; }
+  /// Names the holder of the console's lease at the device's server; blocks for at most 0.4 s.
+  void introduce(std::string_view name) {
+    if (const std::uint64_t held = lease(); held != 0) {
+      gvd::introduce(node_, stub_.binding().url(), held, name);
+    }
+  }
   /// The priority for taking over the lease.
   [[nodiscard]] Priority operator_priority() const noexcept { return operator_priority_; }
   /// The console's lease; 0 if it has none.
@@ -43,8 +50,10 @@ class DeviceLink {
   void set_lease(std::uint64_t lease) noexcept { lease_.store(lease); }
 
  private:
-  explicit DeviceLink(device::DeviceClient stub) noexcept : stub_(std::move(stub)) {}
+  DeviceLink(rpc::Node& node, device::DeviceClient stub) noexcept
+      : node_(node), stub_(std::move(stub)) {}
 
+  rpc::Node& node_;
   device::DeviceClient stub_;
   Priority operator_priority_{};
   std::atomic<std::uint64_t> lease_{0};

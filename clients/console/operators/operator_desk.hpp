@@ -27,6 +27,15 @@ class OperatorDesk {
   /// How long a browser that operates a device may be absent.
   static constexpr Duration kGoneMax = std::chrono::seconds{5};
 
+  /// How long the operator of a device has to answer a request for it.
+  static constexpr Duration kAnswerMax = std::chrono::seconds{30};
+
+  /// A person at a browser, as it has said; empty if it has not.
+  struct Person {
+    std::string name{};
+    std::string room{};
+  };
+
   /// Access to the devices.
   struct Devices {
     std::function<std::vector<std::string>()> names{};
@@ -53,6 +62,12 @@ class OperatorDesk {
   /// How much longer the console holds the device's lease after the browser has gone; nullopt if
   /// the browser is connected, or no browser operates the device.
   [[nodiscard]] std::optional<Duration> left(const std::string& device, MonotonicTime now) const;
+  /// Adds `operator` and `request`, for whom a device's lease is held and who asks for it, to the
+  /// `lease` member of the device in `console/state`.
+  void add_operator(const std::string& device, MonotonicTime now,
+                    nlohmann::ordered_json& lease) const;
+  /// The name of the operator at a connection; empty if it has given none.
+  [[nodiscard]] std::string name_of(std::uint64_t connection_id) const;
   /// Releases everything and waits for the result; for the end of the program.
   void release_all();
 
@@ -70,18 +85,40 @@ class OperatorDesk {
   void add(const char* name, Command command);
   void run(const PendingCall& call, const nlohmann::json& request, const Command& command);
   void release(const std::string& device);
+  void set_person(const PendingCall& call, const nlohmann::json& request);
+  void keep_lease(const PendingCall& call, const nlohmann::json& request);
+  void ask_for_lease(const PendingCall& call, const nlohmann::json& request);
+  void answer_for_lease(const PendingCall& call, const nlohmann::json& request);
+  /// Ends the operation of a device; a request for it fails, as it is free now.
+  void end_operation(const std::string& device);
+  /// Names the lease's holder at the device's server.
+  void introduce(const std::string& device);
+  [[nodiscard]] std::string holder_text(const std::string& device) const;
 
   CallRouter& router_;
   WorkerPool& pool_;
   Post post_;
   Devices devices_;
+  /// Another operator asks for the device. Its call is answered when it is decided.
+  struct Request {
+    PendingCall call{};
+    Person person{};
+    MonotonicTime ends{};
+  };
   struct Operator {
     std::uint64_t connection_id = 0;
-    std::optional<MonotonicTime> gone_since{};
+    Person person{};
+    std::uint64_t since_ns = 0;                 ///< In UTC.
+    std::optional<MonotonicTime> gone_since{};  ///< The browser is disconnected.
+    bool is_kept = false;                       ///< Also while the browser is gone.
+    std::optional<Request> request{};
+  };
+  struct Browser {
+    MonotonicTime since{};
+    Person person{};
   };
   std::map<std::string, Operator> operators_{};  ///< Keyed by device.
-  /// The browsers that may command, by connection, with the time of their connect.
-  std::map<std::uint64_t, MonotonicTime> browsers_{};
+  std::map<std::uint64_t, Browser> browsers_{};  ///< Those that may command, by connection.
 };
 
 }  // namespace rtpm::console

@@ -16,6 +16,9 @@ using Clock = std::chrono::steady_clock;
 }  // namespace
 
 std::optional<ConsoleProcess> start_console(std::vector<std::string> arguments) {
+  // Without a file of the test, those of the user stay as they are.
+  const auto given = std::ranges::find(arguments, "--incidents");
+  if (given == arguments.end()) arguments.insert(arguments.begin(), {"--incidents", "none"});
   arguments.insert(arguments.begin(), {path_of("rtpm-console"), "--print-token"});
   test::Process process(arguments);
   if (!process.wait_for_output("http://", kPatience) || !process.wait_for_output("\n", kPatience)) {

@@ -129,6 +129,8 @@ export class System {
         '--print-token',
         '--recordings',
         `${this.#scratch}/recordings`,
+        '--incidents',
+        `${this.#scratch}/incidents.jsonl`,
       ],
       /http:\/\/\S+/,
     );

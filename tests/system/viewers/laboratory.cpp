@@ -117,7 +117,8 @@ std::string ViewedLaboratory::record(int seconds) {
 
 std::string ViewedLaboratory::start_console() {
   console_.emplace(std::vector<std::string>{path_of("rtpm-console"), "--port", "0", "--registry",
-                                            registry_->url, "--page", folder_ + "/page"});
+                                            registry_->url, "--page", folder_ + "/page",
+                                            "--incidents", "none"});
   if (!console_->wait_for_output("http://", kPatience) ||
       !console_->wait_for_output("\n", kPatience)) {
     ADD_FAILURE() << "rtpm-console does not serve: " << console_->output() << console_->errors();

@@ -44,6 +44,22 @@ const files = [
 const reviews = new Reviews(files);
 const kReviewServices = reviews.services();
 
+const nowNs = (agoS) => (start - agoS * 1000) * 1e6;
+const incidents = [
+  {who: 'lab/arm0', what: 'lost', why: 'its server hangs', severity: 'alarm', agoS: 90, lastsS: 30},
+  {who: 'disk', what: 'disk low', why: '812 MiB are free', severity: 'warning', agoS: 60},
+  {who: 'lab/arm0', what: 'lease', why: 'free → Anna', severity: 'info', agoS: 20, lastsS: 0.001},
+].map(({agoS, lastsS, ...one}, i) => ({
+  id: i + 1,
+  ...one,
+  since_ns: nowNs(agoS),
+  until_ns: lastsS === undefined ? 0 : nowNs(agoS - lastsS),
+  count: 1,
+  recording: i === 0 ? 'run-1.mcap' : '',
+}));
+const listed = () => ({incidents, count: incidents.length, dropped_count: 0});
+const unseen = () => incidents.filter((one) => !one.acknowledged_ns && one.severity !== 'info');
+
 const channels = [];
 function addChannel(topic, schemaName = '') {
   channels.push({
@@ -55,7 +71,7 @@ function addChannel(topic, schemaName = '') {
     ...(schemaName ? {schemaEncoding: 'flatbuffer'} : {}),
   });
 }
-['console/state', 'console/latency', 'console/log', 'console/marks'].forEach((topic) =>
+['console/state', 'console/latency', 'console/log', 'console/marks', 'console/incidents'].forEach((topic) =>
   addChannel(topic),
 );
 system.devices.forEach(({name}) => addChannel(`${name}/sample`, 'rtpm.device.Sampled'));
@@ -73,6 +89,12 @@ const services = [
     'deactivate',
     'recover',
     'dismiss',
+    'operator',
+    'lease_request',
+    'lease_answer',
+    'lease_keep',
+    'incidents',
+    'incident_acknowledge',
     'log_filter',
     'fields',
     'history',
@@ -197,6 +219,24 @@ const kCommands = {
     return {ok: true};
   },
   recover: () => ({ok: true}),
+  operator({name, room}, client) {
+    Object.assign(client, {name, room});
+    return {connection: 1, name, room};
+  },
+  lease_request({device}) {
+    throw new Error(`Ben keeps ${device}`);
+  },
+  lease_answer: () => ({ok: true}),
+  lease_keep: ({keep}) => ({keep}),
+  incidents: () => listed(),
+  incident_acknowledge({ids, all}, client) {
+    if (!client.name) throw new Error('an acknowledgement has a name');
+    const wanted = unseen().filter((one) => all || ids.includes(one.id));
+    wanted.forEach((one) =>
+      Object.assign(one, {acknowledged_by: client.name, acknowledged_ns: Date.now() * 1e6}),
+    );
+    return {acknowledged: wanted.length};
+  },
   dismiss({device}) {
     system.dismiss(device);
     return {ok: true};
@@ -416,6 +456,14 @@ setInterval(() => {
     servers: system.servers(),
     objects: system.objects(),
     devices: system.devices,
+    incidents: {
+      open_count: incidents.filter((one) => one.until_ns === 0).length,
+      unseen_count: unseen().length,
+      unseen_alarm: unseen().find((one) => one.severity === 'alarm')?.id ?? 0,
+      is_kept: true,
+      problem: '',
+      torn_count: 0,
+    },
     media: [
       {
         name: 'lab/cam0',
@@ -448,6 +496,8 @@ setInterval(
   () => publish('console/latency', system.latency(system.devices.map((one) => one.name))),
   1000,
 );
+
+setInterval(() => publish('console/incidents', listed()), 1000);
 
 let pictureCount = 0;
 setInterval(() => {

@@ -16,6 +16,7 @@ import './styles/exports.css';
 import './styles/session.css';
 import './styles/plots.css';
 import './styles/review.css';
+import './styles/incidents.css';
 import 'uplot/dist/uPlot.min.css';
 
 const nowMs = () => performance.now();
@@ -40,6 +41,7 @@ window.addEventListener(
 
 app.setVisible(!document.hidden);
 document.addEventListener('visibilitychange', () => app.setVisible(!document.hidden));
+app.sound.start();
 link.start();
 // The 3-D view is there, too, when it is first shown after the connection was lost.
 window.addEventListener('load', () => void import('./drawing/space'), {once: true});

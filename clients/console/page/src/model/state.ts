@@ -65,11 +65,49 @@ export interface Device {
     readonly sinceS: number | null;
     /** The browser that operates the device is gone; null: the lease lasts until released. */
     readonly endsInS: number | null;
+    /** Name and host of another program; empty where it has not said. */
+    readonly holder: string;
+    readonly operator: LeaseOperator | null;
+    readonly request: LeaseRequest | null;
   };
   readonly isStopped: boolean;
   readonly hasConfig: boolean;
   /** Its name has expired, so long ago; null: it is bound. */
   readonly lostForS: number | null;
+}
+
+/** For whom the console holds a lease. */
+export interface LeaseOperator {
+  readonly connection: number;
+  /** Empty: not said. */
+  readonly name: string;
+  readonly room: string;
+  readonly sinceNs: number;
+  readonly isGone: boolean;
+  /** Also while the browser is gone. */
+  readonly isKept: boolean;
+}
+
+/** Another operator asks for a device. */
+export interface LeaseRequest {
+  readonly connection: number;
+  readonly name: string;
+  readonly room: string;
+  readonly endsInS: number;
+}
+
+/** Incidents in numbers. */
+export interface IncidentState {
+  readonly openCount: number;
+  /** Warnings and alarms that nobody has acknowledged. */
+  readonly unseenCount: number;
+  /** The newest alarm among them; 0: none. */
+  readonly unseenAlarm: number;
+  readonly isKept: boolean;
+  /** Why the file is not written; empty: it is. */
+  readonly problem: string;
+  /** Lines of the file that could not be read. */
+  readonly tornCount: number;
 }
 
 /** A device that an emergency stop has not reached: it is delivered when the device answers. */
@@ -149,6 +187,7 @@ export interface ConsoleState {
   readonly notStopped: readonly NotStopped[];
   readonly recording: Recording;
   readonly replay: Replay | null;
+  readonly incidents: IncidentState;
   readonly clients: {readonly count: number; readonly droppedCount: number};
   /** The memory in which the console keeps the past; null: it keeps none. */
   readonly history: {
@@ -281,6 +320,7 @@ export function readState(value: Json): ConsoleState {
       })),
     recording: readRecording(object(state['recording'])),
     replay: readReplay(object(state['replay'])),
+    incidents: readIncidentState(object(state['incidents'])),
     clients: {count: number(clients['count']), droppedCount: number(clients['dropped_count'])},
     history: state['history'] === undefined ? null : readHistory(object(state['history'])),
     events: {
@@ -368,10 +408,48 @@ function readDevice(device: JsonObject): Device {
       state: text(lease['state'], 'unknown'),
       sinceS: numberOrNull(lease['since_s']),
       endsInS: numberOrNull(lease['ends_in_s']),
+      holder: text(lease['holder']),
+      operator: readOperator(object(lease['operator'])),
+      request: readRequest(object(lease['request'])),
     },
     isStopped: flag(device['is_stopped']),
     hasConfig: flag(device['has_config']),
     lostForS: numberOrNull(device['lost_for_s']),
+  };
+}
+
+function readOperator(operator: JsonObject): LeaseOperator | null {
+  const connection = numberOrNull(operator['connection']);
+  if (connection === null) return null;
+  return {
+    connection,
+    name: text(operator['name']),
+    room: text(operator['room']),
+    sinceNs: number(operator['since_ns']),
+    isGone: flag(operator['is_gone']),
+    isKept: flag(operator['is_kept']),
+  };
+}
+
+function readRequest(request: JsonObject): LeaseRequest | null {
+  const connection = numberOrNull(request['connection']);
+  if (connection === null) return null;
+  return {
+    connection,
+    name: text(request['name']),
+    room: text(request['room']),
+    endsInS: number(request['ends_in_s']),
+  };
+}
+
+function readIncidentState(incidents: JsonObject): IncidentState {
+  return {
+    openCount: number(incidents['open_count']),
+    unseenCount: number(incidents['unseen_count']),
+    unseenAlarm: number(incidents['unseen_alarm']),
+    isKept: flag(incidents['is_kept']),
+    problem: text(incidents['problem']),
+    tornCount: number(incidents['torn_count']),
   };
 }
 

@@ -10,9 +10,12 @@ import {Commands} from './commands';
 import {Exports, fetchByLink} from './exports';
 import {Feeds} from './feeds';
 import {Link} from './link';
+import {AlarmSound} from './alarm_sound';
+import {Incidents} from './incidents';
 import {Log} from './log';
 import {Markers, type MarkerList} from './markers';
 import {Motion} from './motion';
+import {Operator} from './operator';
 import {Plots} from './plots';
 import {Recordings} from './recordings';
 import {Series} from './series';
@@ -40,6 +43,9 @@ export class App {
   readonly plots: Plots;
   readonly recordings: Recordings;
   readonly exports: Exports;
+  readonly incidents: Incidents;
+  readonly sound = new AlarmSound();
+  readonly operator: Operator;
   /** The views show the recording that is open, instead of the live system. */
   readonly showsReplay: Signal<boolean> = signal(false);
 
@@ -73,6 +79,8 @@ export class App {
     this.plots = new Plots(link, this.devices, this.isVisible, nowMs, () => this.consoleMs());
     this.recordings = new Recordings(link);
     this.exports = new Exports(link, this.recordings, fetchByLink);
+    this.incidents = new Incidents(link);
+    this.operator = new Operator(link);
     const names = computed(() => this.devices.value.map((one) => one.name));
     const joined = computed(() => names.value.join('\n'));
     const stableNames = computed(() => joined.value.split('\n').filter((name) => name !== ''));
@@ -151,6 +159,7 @@ export class App {
       if (after === null) this.showsReplay.value = false;
     }
     this.state.value = state;
+    this.sound.take(state.incidents.unseenAlarm);
   }
 
   private takeLatency(latency: Latency, timeS: number): void {

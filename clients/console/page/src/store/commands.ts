@@ -2,13 +2,7 @@ import {signal, type Signal} from '@preact/signals';
 import type {Link} from './link';
 
 export type Command =
-  | 'take_over'
-  | 'release'
-  | 'activate'
-  | 'deactivate'
-  | 'recover'
-  | 'rearm'
-  | 'dismiss';
+  'take_over' | 'release' | 'activate' | 'deactivate' | 'recover' | 'rearm' | 'dismiss';
 
 export interface Refusal {
   readonly command: Command;
@@ -17,25 +11,13 @@ export interface Refusal {
   readonly isForceable: boolean;
 }
 
-export const kHoldsLease = 'this console holds the lease';
-
-const kWords: Readonly<Record<Command, string>> = {
-  take_over: kHoldsLease,
-  release: 'the lease is released',
-  activate: 'active',
-  deactivate: 'inactive, without force',
-  recover: 'recovered; the force returns slowly',
-  rearm: 'rearmed; the force returns slowly',
-  dismiss: 'dismissed',
-};
-
 /** Commands to devices, by the console's lease. */
 export class Commands {
   /** The newest refusal of each device. */
   readonly refusals: Signal<ReadonlyMap<string, Refusal>> = signal(new Map());
   readonly pending: Signal<ReadonlySet<string>> = signal(new Set());
   /** What was done last, for screen readers and the line below the buttons. */
-  readonly done: Signal<ReadonlyMap<string, string>> = signal(new Map());
+  readonly done: Signal<ReadonlyMap<string, Command>> = signal(new Map());
 
   constructor(private readonly link: Link) {}
 
@@ -45,7 +27,7 @@ export class Commands {
     try {
       const request = isForced ? {device, force: true} : {device};
       await this.link.call(`console/${command}`, request);
-      this.done.value = new Map(this.done.value).set(device, kWords[command]);
+      this.done.value = new Map(this.done.value).set(device, command);
       return true;
     } catch (error) {
       const words = (error as Error).message;

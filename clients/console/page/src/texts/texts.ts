@@ -1085,6 +1085,319 @@ export const kTexts = {
       (text: string) => `Notiz „${text}“ entfernen`,
     ],
   },
+  operator: {
+    title: ['Operator', 'Bediener'],
+    name: ['Name', 'Name'],
+    room: ['Room', 'Raum'],
+    save: ['Save', 'Speichern'],
+    unnamed: [
+      'Others see no name of yours when you operate a device.',
+      'Andere sehen keinen Namen, wenn Sie ein Gerät bedienen.',
+    ],
+  },
+  incidents: {
+    title: ['Incidents', 'Vorfälle'],
+    counts: [
+      (open: number, unseen: number) => `${open} open, ${unseen} not acknowledged`,
+      (open: number, unseen: number) => `${open} offen, ${unseen} nicht bestätigt`,
+    ],
+    which: ['Which incidents', 'Welche Vorfälle'],
+    reading: ['Reading the incidents.', 'Vorfälle werden gelesen.'],
+    search: ['Search', 'Suchen'],
+    csv: ['Export CSV', 'CSV exportieren'],
+    acknowledge: ['Acknowledge', 'Bestätigen'],
+    acknowledgeAll: [
+      (count: number) => `Acknowledge all ${count}`,
+      (count: number) => `Alle ${count} bestätigen`,
+    ],
+    acknowledgeQuestion: [
+      (count: number) =>
+        `${count === 1 ? 'The incident counts' : `All ${count} incidents count`} as seen by you.`,
+      (count: number) =>
+        count === 1
+          ? 'Der Vorfall gilt als von Ihnen gesehen.'
+          : `Alle ${count} Vorfälle gelten als von Ihnen gesehen.`,
+    ],
+    needsName: [
+      'To acknowledge, say who you are. The name is kept in this browser.',
+      'Zum Bestätigen bitte einen Namen angeben. Er bleibt in diesem Browser.',
+    ],
+    notKept: [
+      (why: string) => `Incidents are lost when the console ends: ${why}`,
+      (why: string) => `Vorfälle gehen mit der Konsole verloren: ${why}`,
+    ],
+    torn: [
+      (count: number) =>
+        `${count} ${count === 1 ? 'line' : 'lines'} of the file could not be read, and ` +
+        `${count === 1 ? 'is' : 'are'} missing here.`,
+      (count: number) =>
+        `${count} ${count === 1 ? 'Zeile' : 'Zeilen'} der Datei ` +
+        `${count === 1 ? 'war' : 'waren'} nicht lesbar und ` +
+        `${count === 1 ? 'fehlt' : 'fehlen'} hier.`,
+    ],
+    dropped: [
+      (count: string) => `${count} older incidents were dropped: the console keeps 10 000.`,
+      (count: string) => `${count} ältere Vorfälle verworfen: die Konsole behält 10 000.`,
+    ],
+    older: [
+      (count: string) => `${count} more are in the export, and in rtpm incidents.`,
+      (count: string) => `${count} weitere stehen im Export und in rtpm incidents.`,
+    ],
+    soundOn: ['Sound on', 'Ton an'],
+    soundOff: ['Sound off', 'Ton aus'],
+    soundWaits: [
+      'The browser allows sound after the first press on this page.',
+      'Der Browser erlaubt Ton erst nach dem ersten Klick auf dieser Seite.',
+    ],
+    lasts: ['open', 'offen'],
+    for: [(length: string) => `for ${length}`, (length: string) => `seit ${length}`],
+    lasted: [(length: string) => `lasted ${length}`, (length: string) => `dauerte ${length}`],
+    inRecording: ['In the recording', 'In der Aufnahme'],
+    flightRecord: ['Flight record', 'Flugschreiber'],
+    flight: [
+      (number: number, cause: string) => `newest record: ${number}, ${cause}`,
+      (number: number, cause: string) => `neueste Aufzeichnung: ${number}, ${cause}`,
+    ],
+    flightTip: [
+      (device: string) => `The newest cycles around a fault, as by rtpm flight-record ${device}`,
+      (device: string) => `Die Zyklen um den neuesten Fehler, wie rtpm flight-record ${device}`,
+    ],
+    noFlight: ['There is none: no fault yet.', 'Keine: noch kein Fehler.'],
+    seenBy: [
+      (who: string, time: string) => `${who}, ${time}`,
+      (who: string, time: string) => `${who}, ${time}`,
+    ],
+    toDo: [
+      (count: number) => `${count} not acknowledged`,
+      (count: number) => `${count} nicht bestätigt`,
+    ],
+  },
+  lease: {
+    unknown: ['unknown', 'unbekannt'],
+    free: ['free', 'frei'],
+    thisConsole: ['this console', 'diese Konsole'],
+    you: ['you', 'Sie'],
+    another: ['another program', 'ein anderes Programm'],
+    thisRoom: ['this room', 'dieser Raum'],
+    since: [(time: string) => `since ${time}`, (time: string) => `seit ${time}`],
+    for: [(time: string) => `for ${time}`, (time: string) => `seit ${time}`],
+    untilReleased: ['until released', 'bis zur Freigabe'],
+    gone: [
+      (left: string) => `its browser is gone: ${left} left`,
+      (left: string) => `der Browser ist weg: noch ${left}`,
+    ],
+    goneKept: [
+      'its browser is gone; held until released',
+      'der Browser ist weg; gehalten bis zur Freigabe',
+    ],
+    ask: ['Ask for it', 'Anfragen'],
+    waits: [
+      (who: string) => `Asked: ${who} has 30 s to answer.`,
+      (who: string) => `Angefragt: ${who} hat 30 s Zeit.`,
+    ],
+    granted: ['It was handed over to you.', 'An Sie übergeben.'],
+    itsOperator: ['the operator', 'der Bediener'],
+    somebody: ['Another operator', 'Ein anderer Bediener'],
+    asks: [
+      (who: string, device: string) => `${who} asks for ${device}.`,
+      (who: string, device: string) => `${who} möchte ${device} übernehmen.`,
+    ],
+    handOver: ['Hand over', 'Übergeben'],
+    keep: ['Keep', 'Behalten'],
+    keepLabel: ['Hold it while this page is closed, too', 'Auch bei geschlossener Seite halten'],
+  },
+  commands: {
+    notThere: [
+      (name: string) => `${name} is not at the registry. It shows again as soon as it is back.`,
+      (name: string) => `${name} fehlt an der Registry. Es erscheint, sobald es zurück ist.`,
+    ],
+    notThereNow: [
+      (name: string) =>
+        `${name} is not at the registry, as far as was known. It shows again as soon as it is back.`,
+      (name: string) =>
+        `${name} fehlte zuletzt an der Registry. Es erscheint, sobald es zurück ist.`,
+    ],
+    state: ['State', 'Zustand'],
+    lease: ['Lease', 'Bedienung'],
+    faults: ['Faults', 'Fehler'],
+    none: ['none', 'keine'],
+    readOnly: [
+      'Read only: open the URL with the token that rtpm-console printed.',
+      'Nur lesen: die URL mit dem Token öffnen, die rtpm-console ausgab.',
+    ],
+    takeOver: ['Take over', 'Übernehmen'],
+    takeOverQuestion: [
+      (who: string, device: string) =>
+        `${who} commands ${device}. Its force falls to zero, and its commands are refused from ` +
+        'then on.',
+      (who: string, device: string) =>
+        `${who} steuert ${device}. Dessen Kraft fällt auf null, seine Befehle werden ab dann ` +
+        'abgelehnt.',
+    ],
+    takeOverAnyway: ['Take over all the same', 'Trotzdem übernehmen'],
+    release: ['Release', 'Freigeben'],
+    activate: ['Activate', 'Aktivieren'],
+    deactivate: ['Deactivate', 'Deaktivieren'],
+    recover: ['Recover', 'Fehler löschen'],
+    rearm: ['Rearm', 'Freischalten'],
+    rearmAll: ['Rearm all', 'Alle freischalten'],
+    rearmOne: [(name: string) => `Rearm ${name}`, (name: string) => `${name} freischalten`],
+    rearmMany: [
+      (count: number) => `Rearm ${count} devices`,
+      (count: number) => `${count} Geräte freischalten`,
+    ],
+    rearmQuestion: [
+      'Is the cause removed, and is nobody in reach who does not expect force? The force returns ' +
+        'slowly after this.',
+      'Ist die Ursache behoben, und ist niemand in Reichweite, der keine Kraft erwartet? Danach ' +
+        'kommt die Kraft langsam zurück.',
+    ],
+    stop: [(name: string) => `Stop ${name}`, (name: string) => `${name} stoppen`],
+    dismiss: ['Dismiss', 'Schließen'],
+    done: [(what: string) => `Done: ${what}.`, (what: string) => `Erledigt: ${what}.`],
+    doneLease: [
+      (what: string) => `Done: ${what}. It lasts until it is released.`,
+      (what: string) => `Erledigt: ${what}. Das gilt bis zur Freigabe.`,
+    ],
+    leaseEnded: [
+      'The lease of this console has ended.',
+      'Diese Konsole bedient das Gerät nicht mehr.',
+    ],
+  },
+  incidentShow: {
+    unseen: ['To do', 'Zu tun'],
+    open: ['Open', 'Offen'],
+    all: ['All', 'Alle'],
+  },
+  incidentNone: {
+    unseen: ['Nothing is open, and all is acknowledged.', 'Nichts ist offen, alles ist bestätigt.'],
+    open: ['Nothing is wrong now.', 'Zur Zeit ist nichts gestört.'],
+    all: ['No incident so far.', 'Noch kein Vorfall.'],
+  },
+  severity: {
+    info: ['Info', 'Info'],
+    warning: ['Warning', 'Warnung'],
+    alarm: ['Alarm', 'Alarm'],
+  },
+  incidentWhat: {
+    lost: ['lost', 'verloren'],
+    late: ['no new samples', 'keine neuen Messwerte'],
+    stopped: ['emergency stop', 'Not-Halt'],
+    'not stopped': ['NOT stopped', 'NICHT gestoppt'],
+    fault: ['fault', 'Fehler'],
+    limit: ['limit reached', 'Grenze erreicht'],
+    lease: ['lease changed', 'Bedienung gewechselt'],
+    silent: ['does not answer', 'antwortet nicht'],
+    'disk low': ['disk space is low', 'wenig Speicherplatz'],
+    'server lost': ['server lost', 'Server verloren'],
+    recording: ['recording failed', 'Aufnahme gescheitert'],
+    dropped: ['recording lost messages', 'Aufnahme verlor Nachrichten'],
+    'clock jumped': ['clock jumped', 'Uhr gesprungen'],
+  },
+  effects: {
+    take_over: ['this console holds the lease', 'diese Konsole bedient das Gerät'],
+    release: ['the lease is released', 'freigegeben'],
+    activate: ['active', 'aktiv'],
+    deactivate: ['inactive, without force', 'inaktiv, ohne Kraft'],
+    recover: [
+      'recovered; the force returns slowly',
+      'Fehler gelöscht; die Kraft kommt langsam zurück',
+    ],
+    rearm: ['rearmed; the force returns slowly', 'freigeschaltet; die Kraft kommt langsam zurück'],
+    dismiss: ['dismissed', 'entfernt'],
+  },
+  condition: {
+    lost: ['lost', 'verloren'],
+    stopped: ['in emergency stop', 'im Not-Halt'],
+    fault: ['in fault', 'mit Fehler'],
+    stale: ['stale', 'veraltet'],
+    good: ['live', 'live'],
+    none: ['none', 'keine'],
+    ofLive: [
+      (count: number, all: number) => `${count} of ${all} live`,
+      (count: number, all: number) => `${count} von ${all} live`,
+    ],
+    emergencyStop: ['emergency stop', 'Not-Halt'],
+    notLive: ['not live', 'nicht live'],
+    lostFor: [(time: string) => `lost for ${time}`, (time: string) => `verloren seit ${time}`],
+    noSamples: ['no samples', 'keine Messwerte'],
+    staleFor: [(time: string) => `stale for ${time}`, (time: string) => `veraltet seit ${time}`],
+    old: [(time: string) => `${time} old`, (time: string) => `${time} alt`],
+  },
+  banners: {
+    silent: ['The console is silent.', 'Die Konsole schweigt.'],
+    silentSince: [
+      (time: string) => `The console is silent since ${time}.`,
+      (time: string) => `Die Konsole schweigt seit ${time}.`,
+    ],
+    lost: ['The connection to the console is lost.', 'Die Verbindung zur Konsole ist weg.'],
+    lostSince: [
+      (time: string) => `The connection to the console is lost since ${time}.`,
+      (time: string) => `Die Verbindung zur Konsole ist weg seit ${time}.`,
+    ],
+    notLive: [
+      'Nothing below is live. What you typed is kept; the page reconnects by itself.',
+      'Nichts darunter ist live. Eingaben bleiben; die Seite verbindet sich selbst wieder.',
+    ],
+    notSent: [
+      'The emergency stop was NOT sent: there is no connection.',
+      'Der Not-Halt wurde NICHT gesendet: keine Verbindung.',
+    ],
+    notSentMore: [
+      'Use the hardware stop. It is sent as soon as the console answers.',
+      'Not-Halt-Taster drücken! Gesendet wird, sobald die Konsole antwortet.',
+    ],
+    stop: ['Emergency stop:', 'Not-Halt:'],
+    stopNotes: [
+      (notes: string) =>
+        `every device that is known is stopped, but not all could be asked: ${notes}.`,
+      (notes: string) =>
+        `alle bekannten Geräte sind gestoppt, aber nicht alle waren erreichbar: ${notes}.`,
+    ],
+    hardware: ['Use the hardware stop.', 'Not-Halt-Taster drücken!'],
+    notStopped: ['NOT stopped: use the hardware stop.', 'NICHT gestoppt: Not-Halt-Taster drücken!'],
+    notStoppedFor: [
+      (time: string, why: string) => ` for ${time} (${why})`,
+      (time: string, why: string) => ` seit ${time} (${why})`,
+    ],
+    delivered: [
+      (count: number) =>
+        `The stop is delivered as soon as ${count === 1 ? 'it answers' : 'they answer'}.`,
+      (count: number) =>
+        `Der Halt wird zugestellt, sobald ${count === 1 ? 'es antwortet' : 'sie antworten'}.`,
+    ],
+    dismissQuestion: [
+      'Is the hardware stop pressed, or the device off? The stop is not delivered any more when ' +
+        'it comes back.',
+      'Ist der Not-Halt-Taster gedrückt oder das Gerät aus? Der Halt wird nicht mehr zugestellt, ' +
+        'wenn es zurückkommt.',
+    ],
+    dismissOne: [(name: string) => `Dismiss ${name}`, (name: string) => `${name} entfernen`],
+    dismissMany: [
+      (count: number) => `Dismiss ${count} devices`,
+      (count: number) => `${count} Geräte entfernen`,
+    ],
+    inForce: ['Emergency stop is in force:', 'Not-Halt gilt:'],
+    noForce: [
+      'No force, and no commands, until rearmed.',
+      'Keine Kraft und keine Befehle bis zum Freischalten.',
+    ],
+    notRearmed: [
+      (why: string) => `Not rearmed: ${why}.`,
+      (why: string) => `Nicht freigeschaltet: ${why}.`,
+    ],
+    recordingOpen: ['A recording is open', 'Eine Aufnahme ist offen'],
+    replayed: [
+      'the Live view shows recorded motion, not the devices.',
+      'Live zeigt die Aufnahme, nicht die Geräte.',
+    ],
+    showDevices: ['Show the devices live', 'Geräte live zeigen'],
+    showRecording: ['Show the recording', 'Aufnahme zeigen'],
+    complaint: [
+      (message: string) => `The console says: ${message}`,
+      (message: string) => `Die Konsole meldet: ${message}`,
+    ],
+  },
 } as const;
 
 export const kLanguages = ['en', 'de'] as const;

@@ -2,6 +2,7 @@ import {useApp} from '../store/app';
 import {writeRoute} from '../store/route';
 import {Confirm, Notice} from '../parts/parts';
 import {duration, timeOfDay} from '../parts/text';
+import {texts} from '../texts/texts';
 
 /** What an operator must know wherever he is. */
 export function Banners() {
@@ -11,6 +12,7 @@ export function Banners() {
       <StopReportBanner />
       <NotStoppedBanner />
       <StoppedBanner />
+      <RequestBanner />
       <ReplayBanner />
       <Complaint />
     </div>
@@ -19,50 +21,50 @@ export function Banners() {
 
 function LinkBanner() {
   const app = useApp();
+  const words = texts.value.banners;
   const {phase, lastMs} = app.link.state.value;
   if (phase === 'live' || (phase === 'connecting' && lastMs === null)) return null;
-  const since = lastMs === null ? '' : ` since ${timeOfDay(lastMs)}`;
-  const what =
-    phase === 'silent'
-      ? `The console is silent${since}.`
-      : `The connection to the console is lost${since}.`;
+  const isSilent = phase === 'silent';
+  const since = lastMs === null ? null : timeOfDay(lastMs);
+  const known = isSilent ? words.silentSince : words.lostSince;
+  const unknown = isSilent ? words.silent : words.lost;
   return (
     <Notice tone="bad" role="alert">
-      <b>{what}</b> Nothing below is live. What you typed is kept; the page reconnects by itself.
+      <b>{since === null ? unknown : known(since)}</b> {words.notLive}
     </Notice>
   );
 }
 
 function StopReportBanner() {
   const app = useApp();
+  const words = texts.value.banners;
   const report = app.stop.report.value;
   const dismiss = (
     <button type="button" onClick={() => app.stop.dismiss()}>
-      Dismiss
+      {texts.value.commands.dismiss}
     </button>
   );
   if (report.phase === 'waiting') {
     return (
       <Notice tone="bad" role="alert">
-        <b>The emergency stop was NOT sent: there is no connection.</b> Use the hardware stop. It is
-        sent as soon as the console answers. {dismiss}
+        <b>{words.notSent}</b> {words.notSentMore} {dismiss}
       </Notice>
     );
   }
   // The console says it until it is delivered or dismissed.
-  if (report.phase === 'failed' && report.isAnswered && app.notStopped.value.length > 0) return null;
+  if (report.phase === 'failed' && report.isAnswered && app.notStopped.value.length > 0)
+    return null;
   if (report.phase === 'done' && report.notes.length > 0) {
     return (
       <Notice tone="warn" role="alert">
-        <b>Emergency stop:</b> every device that is known is stopped, but not all could be asked:{' '}
-        {report.notes.join('; ')}. {dismiss}
+        <b>{words.stop}</b> {words.stopNotes(report.notes.join('; '))} {dismiss}
       </Notice>
     );
   }
   if (report.phase === 'failed') {
     return (
       <Notice tone="bad" role="alert">
-        <b>Emergency stop:</b> {report.words} Use the hardware stop. {dismiss}
+        <b>{words.stop}</b> {report.words} {words.hardware} {dismiss}
       </Notice>
     );
   }
@@ -75,6 +77,7 @@ const kReasonCountMax = 2;
 /** Stays, whatever becomes of names and connections, until the stop is delivered or dismissed. */
 function NotStoppedBanner() {
   const app = useApp();
+  const words = texts.value.banners;
   const missing = app.notStopped.value;
   if (missing.length === 0) return null;
   const names = [...new Set(missing.map((one) => one.device))];
@@ -87,25 +90,25 @@ function NotStoppedBanner() {
   return (
     <div class="notice notice-bad stopped" role="alert" data-testid="not-stopped">
       <p>
-        <b>NOT stopped: use the hardware stop.</b>{' '}
+        <b>{words.notStopped}</b>{' '}
         {missing.map((one, i) => (
           <span key={`${one.device} ${one.url}`} title={`${one.url}: ${one.why}`}>
             {i > 0 && ', '}
             <b>{one.device}</b>
-            {missing.length <= kReasonCountMax && ` for ${duration(one.sinceS)} (${one.why})`}
+            {missing.length <= kReasonCountMax &&
+              words.notStoppedFor(duration(one.sinceS), one.why)}
           </span>
         ))}
         {'. '}
-        The stop is delivered as soon as {names.length === 1 ? 'it answers' : 'they answer'}.
+        {words.delivered(names.length)}
       </p>
       <Confirm
-        label="Dismiss"
+        label={texts.value.commands.dismiss}
         disabled={!isOperable}
-        question={
-          'Is the hardware stop pressed, or the device off? The stop is not delivered any more ' +
-          'when it comes back.'
+        question={words.dismissQuestion}
+        confirm={
+          names.length === 1 ? words.dismissOne(names[0] ?? '') : words.dismissMany(names.length)
         }
-        confirm={`Dismiss ${names.length === 1 ? names[0] : `${names.length} devices`}`}
         onConfirm={() => void dismissAll()}
       />
     </div>
@@ -114,6 +117,8 @@ function NotStoppedBanner() {
 
 function StoppedBanner() {
   const app = useApp();
+  const words = texts.value.banners;
+  const commands = texts.value.commands;
   const stopped = app.stopped.value;
   if (stopped.length === 0) return null;
   const isOperable = app.isLive.value && app.mayCommand.value;
@@ -129,41 +134,85 @@ function StoppedBanner() {
   return (
     <div class="notice notice-bad stopped" role="alert" data-testid="stopped">
       <p>
-        <b>Emergency stop is in force:</b>{' '}
+        <b>{words.inForce}</b>{' '}
         {names.map((name, i) => (
           <span key={name}>
             {i > 0 && ', '}
             <a href={writeRoute('live', name)}>{name}</a>
           </span>
         ))}
-        . No force, and no commands, until rearmed.
-        {refusal !== undefined && <span class="refusal"> Not rearmed: {refusal.words}.</span>}
+        . {words.noForce}
+        {refusal !== undefined && <span class="refusal"> {words.notRearmed(refusal.words)}</span>}
       </p>
       <Confirm
-        label={names.length === 1 ? 'Rearm' : 'Rearm all'}
+        label={names.length === 1 ? commands.rearm : commands.rearmAll}
         disabled={!isOperable}
-        question={
-          'Is the cause removed, and is nobody in reach who does not expect force? The ' +
-          'force returns slowly after this.'
+        question={commands.rearmQuestion}
+        confirm={
+          names.length === 1 ? commands.rearmOne(names[0] ?? '') : commands.rearmMany(names.length)
         }
-        confirm={`Rearm ${names.length === 1 ? names[0] : `${names.length} devices`}`}
         onConfirm={() => void rearmAll()}
       />
     </div>
   );
 }
 
+/** Other operators ask for devices that this browser operates. */
+function RequestBanner() {
+  const app = useApp();
+  const words = texts.value.lease;
+  const asked = app.devices.value.filter(
+    (one) => one.lease.request !== null && app.operator.holds(one),
+  );
+  if (!app.isLive.value || asked.length === 0) return null;
+  return (
+    <>
+      {asked.map((device) => {
+        const request = device.lease.request;
+        if (request === null) return null;
+        const room = request.room === '' ? '' : ` (${request.room})`;
+        const who = `${request.name === '' ? words.somebody : request.name}${room}`;
+        const leftS = Math.ceil(Math.max(0, request.endsInS));
+        return (
+          <div
+            key={device.name}
+            class="notice notice-accent lease-asked"
+            role="alert"
+            data-testid="asked"
+          >
+            <b>{words.asks(who, device.name)}</b>
+            <span class="quiet" aria-hidden="true">
+              {leftS} s
+            </span>
+            <button
+              type="button"
+              class="strong"
+              onClick={() => void app.operator.answer(device.name, true)}
+            >
+              {words.handOver}
+            </button>
+            <button type="button" onClick={() => void app.operator.answer(device.name, false)}>
+              {words.keep}
+            </button>
+          </div>
+        );
+      })}
+    </>
+  );
+}
+
 function ReplayBanner() {
   const app = useApp();
+  const words = texts.value.banners;
   const replay = app.state.value?.replay ?? null;
   if (replay === null) return null;
   const isShown = app.showsReplay.value;
   return (
     <Notice tone="replay">
-      <b>{isShown ? 'REPLAY' : 'A recording is open'}</b> {replay.file}
-      {isShown ? ': the Live view shows recorded motion, not the devices.' : '.'}{' '}
+      <b>{isShown ? 'REPLAY' : words.recordingOpen}</b> {replay.file}
+      {isShown ? `: ${words.replayed}` : '.'}{' '}
       <button type="button" onClick={() => (app.showsReplay.value = !isShown)}>
-        {isShown ? 'Show the devices live' : 'Show the recording'}
+        {isShown ? words.showDevices : words.showRecording}
       </button>
     </Notice>
   );
@@ -177,9 +226,9 @@ function Complaint() {
   if (complaint === null || Date.now() - complaint.atMs > kComplaintMs) return null;
   return (
     <Notice tone="warn">
-      The console says: {complaint.message}{' '}
+      {texts.value.banners.complaint(complaint.message)}{' '}
       <button type="button" onClick={() => (app.link.complaint.value = null)}>
-        Dismiss
+        {texts.value.commands.dismiss}
       </button>
     </Notice>
   );

@@ -51,6 +51,7 @@ function Navigation() {
                 <path d="M3 5h14M3 10h14M3 15h14" />
               </svg>
               {words.views[view]}
+              <UnseenCount />
             </>
           }
           buttonClass="menu-button"
@@ -74,7 +75,19 @@ function ViewLink({to}: {to: View}) {
       {...(to === view ? {'aria-current': 'page' as const} : {})}
     >
       {texts.value.views[to]}
+      {to === 'incidents' && <UnseenCount />}
     </a>
+  );
+}
+
+/** How many incidents nobody has acknowledged. */
+function UnseenCount() {
+  const count = useApp().state.value?.incidents.unseenCount ?? 0;
+  if (count === 0) return null;
+  return (
+    <span class="nav-count" data-testid="unseen" title={texts.value.incidents.toDo(count)}>
+      {count > 99 ? '99+' : count}
+    </span>
   );
 }
 

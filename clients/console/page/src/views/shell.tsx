@@ -27,9 +27,11 @@ export function Shell() {
   const main = useRef<HTMLElement>(null);
   useEffect(() => {
     const state = !app.isLive.value ? texts.value.header.titleNotConnected : alarmOf(app);
+    const unseen = app.state.value?.incidents.unseenCount ?? 0;
+    const badge = unseen > 0 ? `(${unseen}) ` : '';
     // The subject of plots is their whole layout.
     const name = subject === '' || view === 'plots' ? '' : ` ${subject}`;
-    document.title = `${state}${texts.value.views[view]}${name} · RTPM console`;
+    document.title = `${badge}${state}${texts.value.views[view]}${name} · RTPM console`;
   });
   const skip = (event: Event) => {
     event.preventDefault();
