@@ -185,6 +185,7 @@ void EventChannels::publish(const HubEvent& event) {
     case EventStream::kGeneric:
       publish_generic(event);
       break;
+    case EventStream::kMark:
     case EventStream::kLog:
       break;
   }

@@ -89,7 +89,7 @@ class Example {
     return *number;
   }
   void put(std::uint16_t channel, ConstBytes data) {
-    const std::uint64_t time_ns = kBeginNs + 1'000'000 * count_;
+    const std::uint64_t time_ns = kBeginNs + 1'000'000ULL * count_;
     EXPECT_TRUE(writer_->write({.channel_id = channel,
                                 .sequence = ++count_,
                                 .log_time_ns = time_ns,

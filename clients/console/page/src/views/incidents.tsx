@@ -177,7 +177,7 @@ function Row({incident: one, mayAcknowledge}: {incident: Incident; mayAcknowledg
       </div>
       <div class="incident-links">
         {one.recording !== '' && (
-          <a href={writeRoute('recordings', `${one.recording}@${Math.round(one.sinceNs)}`)}>
+          <a href={writeRoute('recordings', `${one.recording}/${Math.round(one.sinceNs)}`)}>
             {words.inRecording}
           </a>
         )}
