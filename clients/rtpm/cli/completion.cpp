@@ -252,7 +252,7 @@ void add_completion(CLI::App& program, Context& context) {
   command.add_option("--of", request->target, "The words of this object")
       ->type_name("TARGET")
       ->needs(words);
-  command.callback([shell, words] {
+  command.parse_complete_callback([shell, words] {
     if (shell->empty() && words->empty()) refuse("SHELL is required");
   });
 }
