@@ -33,7 +33,7 @@ struct DeviceProbe {
   std::shared_ptr<const driver::Descriptor> descriptor{};
   std::string url{};
   std::optional<driver::Sample> sample{};
-  std::optional<Duration> latency{};  ///< The latency of the read.
+  std::optional<Duration> latency{};   ///< The latency of the read.
   std::optional<HolderView> holder{};  ///< About once a second, of servers that know it.
 };
 

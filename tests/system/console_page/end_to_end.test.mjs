@@ -2,16 +2,7 @@
 // each leaves the system as the next one needs it.
 import assert from 'node:assert/strict';
 import {after, before, describe, it} from 'node:test';
-import {
-  accessibilityFaults,
-  keep,
-  launch,
-  open,
-  reading,
-  show,
-  until,
-  visit,
-} from './browser.mjs';
+import {accessibilityFaults, keep, launch, open, reading, show, until, visit} from './browser.mjs';
 import {System} from './programs.mjs';
 
 const folder = process.env.RTPM_PROGRAM_FOLDER;
@@ -176,8 +167,14 @@ describe('a camera', () => {
       observer.observe(canvas, {attributeFilter: ['data-capture-ns']});
       // One that was pressed since the subscription, so that its event has come, too.
       const isSeenPressed = () =>
-        pictures.some((one, i) => i > 0 && one.isLit && !pictures[i - 1].isLit && presses.length > 0 &&
-                                  BigInt(one.captureNs) > BigInt(presses[0]));
+        pictures.some(
+          (one, i) =>
+            i > 0 &&
+            one.isLit &&
+            !pictures[i - 1].isLit &&
+            presses.length > 0 &&
+            BigInt(one.captureNs) > BigInt(presses[0]),
+        );
       const isDone = () => pictures.length >= countMin && isSeenPressed();
       const endMs = performance.now() + 60_000;
       while (!isDone() && performance.now() < endMs)
@@ -199,7 +196,10 @@ describe('a camera', () => {
     assert.ok(pictures.length >= 20, `${pictures.length} pictures`);
     // The bar code is on the system's clock; the difference of the two clocks is one number.
     const lags = pictures.map((one) => Number(BigInt(one.captureNs) - BigInt(one.number)));
-    assert.ok(Math.max(...lags) - Math.min(...lags) < 5e6, `${Math.max(...lags) - Math.min(...lags)} ns`);
+    assert.ok(
+      Math.max(...lags) - Math.min(...lags) < 5e6,
+      `${Math.max(...lags) - Math.min(...lags)} ns`,
+    );
     const kUncertaintyNs = 34_000_000n;
     const kPeriodNs = 34_000_000n;
     let litCount = 0;
@@ -221,7 +221,10 @@ describe('a camera', () => {
   it('that is gone leaves no picture that looks live', async (t) => {
     if (system.camera === undefined) return t.skip('rtpm-camerad is not built');
     await system.camera.end('SIGKILL');
-    await page.locator('.camera.is-stale').or(page.locator('.live-side:not(:has(.camera))')).waitFor();
+    await page
+      .locator('.camera.is-stale')
+      .or(page.locator('.live-side:not(:has(.camera))'))
+      .waitFor();
   });
 });
 
@@ -328,7 +331,11 @@ describe('recordings', () => {
     // The curves up to the sought time are there at once, without playing on.
     await slider.press('End');
     await until('the end', time, (text) => !text.startsWith('0:00.0'));
-    await until('curves', () => paintedColumns('strip-position'), (count) => count > 50);
+    await until(
+      'curves',
+      () => paintedColumns('strip-position'),
+      (count) => count > 50,
+    );
     await keep(page, artefacts, 'replay-sought-desktop-light');
     await slider.fill('0');
     await until('the beginning again', time, (text) => text.startsWith('0:00.0'));
@@ -386,17 +393,12 @@ describe('looks of the first page', () => {
 
 describe('without a token', () => {
   it('is read only, and says so', async () => {
-    await visit(
-      browser,
-      `http://127.0.0.1:${system.port}/#/live/lab/arm0`,
-      {},
-      async (other) => {
-        await other.getByText('read only', {exact: true}).waitFor();
-        await until('a position', () => reading(other, 'x'), Number.isFinite);
-        assert.ok(await other.getByTestId('stop').isDisabled());
-        assert.ok(await other.getByRole('button', {name: 'Deactivate'}).isDisabled());
-      },
-    );
+    await visit(browser, `http://127.0.0.1:${system.port}/#/live/lab/arm0`, {}, async (other) => {
+      await other.getByText('read only', {exact: true}).waitFor();
+      await until('a position', () => reading(other, 'x'), Number.isFinite);
+      assert.ok(await other.getByTestId('stop').isDisabled());
+      assert.ok(await other.getByRole('button', {name: 'Deactivate'}).isDisabled());
+    });
   });
 });
 
@@ -496,7 +498,11 @@ describe('a device that vanishes', () => {
       (count) => count === 0,
     );
     // Also when its name has expired.
-    await page.locator('.device').filter({hasText: /lost for/}).first().waitFor();
+    await page
+      .locator('.device')
+      .filter({hasText: /lost for/})
+      .first()
+      .waitFor();
     await byId('link').getByText('5 lost').waitFor();
     assert.equal(await page.locator('.device-lost').count(), 5);
     await keep(page, artefacts, 'devices-lost-desktop-light');

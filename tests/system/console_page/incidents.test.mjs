@@ -2,15 +2,7 @@
 import {strict as assert} from 'node:assert';
 import {readFileSync} from 'node:fs';
 import {after, before, it} from 'node:test';
-import {
-  accessibilityFaults,
-  keep,
-  launch,
-  open,
-  show,
-  smallTargets,
-  until,
-} from './browser.mjs';
+import {accessibilityFaults, keep, launch, open, show, smallTargets, until} from './browser.mjs';
 import {System} from './programs.mjs';
 
 const {RTPM_PROGRAM_FOLDER, RTPM_ARTEFACTS, RTPM_SCRATCH, RTPM_STROKE, RTPM_CHROMIUM} = process.env;

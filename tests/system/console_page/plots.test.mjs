@@ -1,7 +1,16 @@
 // Plots of any fields, beside the running system.
 import assert from 'node:assert/strict';
 import {after, before, describe, it} from 'node:test';
-import {accessibilityFaults, keep, launch, open, show, smallTargets, until, visit} from './browser.mjs';
+import {
+  accessibilityFaults,
+  keep,
+  launch,
+  open,
+  show,
+  smallTargets,
+  until,
+  visit,
+} from './browser.mjs';
 import {System} from './programs.mjs';
 
 const artefacts = process.env.RTPM_ARTEFACTS;
@@ -37,14 +46,17 @@ const value = async (path, column = 'value') => {
 const paintedColumns = (within) =>
   within.evaluate((holder) => {
     const picture = holder.querySelector('canvas');
-    const {data, width, height} = picture.getContext('2d').getImageData(0, 0, picture.width, picture.height);
+    const {data, width, height} = picture
+      .getContext('2d')
+      .getImageData(0, 0, picture.width, picture.height);
     const wanted = getComputedStyle(document.documentElement).getPropertyValue('--curve-1').trim();
     const [red, green, blue] = [1, 3, 5].map((at) => Number.parseInt(wanted.slice(at, at + 2), 16));
     let count = 0;
     for (let x = 0; x < width; ++x) {
       for (let y = 0; y < height; ++y) {
         const at = 4 * (y * width + x);
-        const off = Math.abs(data[at] - red) + Math.abs(data[at + 1] - green) + Math.abs(data[at + 2] - blue);
+        const off =
+          Math.abs(data[at] - red) + Math.abs(data[at + 1] - green) + Math.abs(data[at + 2] - blue);
         if (data[at + 3] > 200 && off < 60) {
           ++count;
           break;
@@ -113,7 +125,10 @@ describe('plots', () => {
   });
 
   it('tell a threshold that is passed, in words', async () => {
-    await page.getByTestId('plot-0').getByRole('button', {name: /^More for/}).click();
+    await page
+      .getByTestId('plot-0')
+      .getByRole('button', {name: /^More for/})
+      .click();
     const menu = page.locator('.plot-menu:popover-open');
     await menu.getByRole('combobox', {name: 'Passed'}).selectOption('below');
     await menu.getByRole('textbox', {name: 'Value'}).fill('5');
@@ -140,20 +155,36 @@ describe('plots', () => {
 
   it('are shared by their address, with the past before the page was opened', async () => {
     // At least so much of the last 30 s was recorded before the other page opens.
-    await until('a past', () => paintedColumns(canvas(0)), (share) => share > 0.2);
+    await until(
+      'a past',
+      () => paintedColumns(canvas(0)),
+      (share) => share > 0.2,
+    );
     const shared = page.url();
     assert.match(shared, /#\/plots\/layout\//);
-    await visit(browser, system.url, {viewport: {width: 390, height: 844}, colorScheme: 'dark'}, async (other) => {
-      await other.evaluate((hash) => (window.location.hash = hash), new URL(shared).hash);
-      await other.locator(`[data-curve="${kOtherX}"]`).waitFor();
-      // Before its own samples could fill so much of the window.
-      await until('the past', () => paintedColumns(other.getByTestId('plot-canvas').first()), (share) => share > 0.15);
-      assert.equal(await other.evaluate(() => document.documentElement.scrollWidth <= innerWidth), true);
-      assert.deepEqual(await smallTargets(other), []);
-      await keep(other, artefacts, 'plots-phone-dark');
-      await other.evaluate(() => (window.location.hash = '#/plots/layout/broken'));
-      await other.getByText('has no layout that this page can read').waitFor();
-    });
+    await visit(
+      browser,
+      system.url,
+      {viewport: {width: 390, height: 844}, colorScheme: 'dark'},
+      async (other) => {
+        await other.evaluate((hash) => (window.location.hash = hash), new URL(shared).hash);
+        await other.locator(`[data-curve="${kOtherX}"]`).waitFor();
+        // Before its own samples could fill so much of the window.
+        await until(
+          'the past',
+          () => paintedColumns(other.getByTestId('plot-canvas').first()),
+          (share) => share > 0.15,
+        );
+        assert.equal(
+          await other.evaluate(() => document.documentElement.scrollWidth <= innerWidth),
+          true,
+        );
+        assert.deepEqual(await smallTargets(other), []);
+        await keep(other, artefacts, 'plots-phone-dark');
+        await other.evaluate(() => (window.location.hash = '#/plots/layout/broken'));
+        await other.getByText('has no layout that this page can read').waitFor();
+      },
+    );
   });
 
   it('are accessible', async () => {

@@ -131,8 +131,16 @@ describe('a review', () => {
   it('compares two recordings, one above the other', async () => {
     const other = page.getByLabel('Compare with');
     await other.selectOption({index: 1});
-    await until('two strips', () => byId('review-strip').count(), (count) => count === 2);
-    await until('four charts', () => byId('review-chart').count(), (count) => count === 4);
+    await until(
+      'two strips',
+      () => byId('review-strip').count(),
+      (count) => count === 2,
+    );
+    await until(
+      'four charts',
+      () => byId('review-chart').count(),
+      (count) => count === 4,
+    );
     await keep(page, artefacts, 'review-compared-desktop-light');
     await other.selectOption('');
   });

@@ -71,8 +71,8 @@ function addChannel(topic, schemaName = '') {
     ...(schemaName ? {schemaEncoding: 'flatbuffer'} : {}),
   });
 }
-['console/state', 'console/latency', 'console/log', 'console/marks', 'console/incidents'].forEach((topic) =>
-  addChannel(topic),
+['console/state', 'console/latency', 'console/log', 'console/marks', 'console/incidents'].forEach(
+  (topic) => addChannel(topic),
 );
 system.devices.forEach(({name}) => addChannel(`${name}/sample`, 'rtpm.device.Sampled'));
 addChannel(`rtpm.touch.Touched/${kSource}`, 'rtpm.touch.Touched');
