@@ -95,7 +95,7 @@ class History {
     std::size_t topic_max = 4096;
     std::size_t field_max = 16384;
   };
-  /// What is accepted as a value's time: up to this long after now().
+  /// A value whose time is later than now() by more than this is refused.
   static constexpr std::int64_t kFutureMaxNs = 5'000'000'000;
 
   History() : History(Limits()) {}
@@ -110,7 +110,7 @@ class History {
   /// Stores one value of each field; NaN means none.
   /// @return   whether the topic is known, with this many fields
   bool put(std::string_view topic, std::int64_t time_ns, std::span<const double> values);
-  /// Sets the wall clock's time. What lies after it by more than the tolerance is forgotten,
+  /// Sets the wall clock's time. Values after it by more than the tolerance are forgotten,
   /// because the clock was set back.
   void set_now(std::int64_t now_ns);
 

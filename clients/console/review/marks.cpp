@@ -4,16 +4,16 @@
 #include <array>
 #include <cstdlib>
 #include <cstring>
+#include <device_events.rtpm.events.hpp>
 #include <limits>
+#include <trial.rtpm.events.hpp>
 
-#include "device_events.rtpm.events.hpp"
 #include "rtpm/base/nesting.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/capture/channels.hpp"
 #include "rtpm/capture/read_events.hpp"
 #include "rtpm/driver/sample.hpp"
 #include "rtpm/gvd/lease.hpp"
-#include "trial.rtpm.events.hpp"
 
 namespace rtpm::console {
 namespace {

@@ -39,7 +39,7 @@ class Thinned {
   std::vector<T> kept_{};
 };
 
-/// What happened in a recording: markers, trials, and the devices' incidents.
+/// The happenings in a recording: markers, trials, and the devices' incidents.
 /// @threads  one at a time
 class Marks {
  public:

@@ -28,7 +28,7 @@ std::uint64_t later(std::uint64_t time_ns, std::uint64_t by_ns) noexcept {
   return time_ns + std::min(by_ns, UINT64_MAX - time_ns);
 }
 
-/// What the page shows of a channel: neither what was made of samples for viewers, nor pictures.
+/// Whether the page shows the channel's fields: not those of pictures, nor those made for viewers.
 bool has_fields(const recording::Channel& channel) {
   const std::string kind = capture::value_of(channel, capture::kKindKey);
   return kind != capture::kViewKind && kind != capture::kMediumKind &&

@@ -94,19 +94,19 @@ class Review {
   [[nodiscard]] std::size_t bucket_at(std::uint64_t time_ns) const noexcept;
 
   const std::string path_;
-  std::unique_ptr<recording::FileReader> reader_;           ///< Of the overview's thread.
-  std::unique_ptr<recording::FileReader> window_reader_{};  ///< Of the window's thread.
+  std::unique_ptr<recording::FileReader> reader_;           ///< For the overview's thread.
+  std::unique_ptr<recording::FileReader> window_reader_{};  ///< For the window's thread.
   const recording::Statistics statistics_;
   const bool is_complete_;
   std::map<std::uint16_t, Decoder> decoders_{};
   std::vector<Field> fields_{};
-  std::map<std::string, std::size_t, std::less<>> numbers_{};  ///< Of fields, by path.
+  std::map<std::string, std::size_t, std::less<>> numbers_{};  ///< Indices of fields, by path.
   std::size_t omitted_field_count_ = 0;
   std::vector<std::string> unreadable_topics_{};
   std::map<std::string, std::string> session_{};
   std::size_t bucket_count_ = 1;
   std::uint64_t bucket_ns_ = 1;
-  std::vector<double> values_{};  ///< Of the overview's thread.
+  std::vector<double> values_{};  ///< For the overview's thread.
 
   mutable std::mutex mutex_{};
   // Guarded by `mutex_`:

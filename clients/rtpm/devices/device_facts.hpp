@@ -11,7 +11,7 @@
 
 namespace rtpm::tool {
 
-/// What `rtpm info` shows of a device.
+/// A device as `rtpm info` shows it.
 struct DeviceFacts {
   driver::Descriptor descriptor{};
   driver::Sample sample{};  ///< The newest.

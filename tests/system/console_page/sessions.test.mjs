@@ -50,7 +50,7 @@ describe('a session', () => {
     await page.evaluate(() => document.activeElement?.blur());
     await page.keyboard.press('m');
     await byId('markers').getByLabel('A note').fill('bme');
-    await button('Mark').click();
+    await page.getByRole('button', {name: 'Mark', exact: true}).click();
     await page.evaluate(() => document.activeElement?.blur());
     await page.keyboard.press('b');
     await byId('markers').getByText('Trial 1').waitFor();
@@ -105,7 +105,7 @@ describe('a session', () => {
   it('can only be watched without the token', async () => {
     await visit(browser, new URL(system.url).origin, {}, async (one) => {
       await show(one, 'recordings');
-      await one.getByText('read only').waitFor();
+      await one.getByText('read only', {exact: true}).waitFor();
       assert.equal(await one.getByTestId('markers').count(), 0);
       assert.ok(await one.getByTestId('record').isDisabled());
     });

@@ -151,7 +151,7 @@ TEST_F(Causes, AreLowDisksAndJumpsOfTheClock) {
 TEST_F(Causes, SurviveAnyState) {
   for (const Json& state : {Json(nullptr), Json::array({1}), Json{{"devices", 3}, {"servers", "x"}},
                             Json{{"uptime_s", 9}, {"devices", {1, nullptr, {{"faults", 5}}}}}}) {
-    static_cast<void>(find(state));
+    EXPECT_LE(find(state).events.size(), 4U);
   }
 }
 

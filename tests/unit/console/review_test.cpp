@@ -88,7 +88,9 @@ class ReviewOfARecording : public testing::Test {
       values.put(kBeginNs + static_cast<std::uint64_t>(i) * kMs,
                  R"({"x":)" + std::to_string(std::sin(i * 2e-3 * M_PI)) + R"(,"count":)" +
                      std::to_string(i) + "}");
-      if (i % 1000 == 999) ASSERT_TRUE((*writer)->end_chunk());
+      if (i % 1000 == 999) {
+        ASSERT_TRUE((*writer)->end_chunk());
+      }
     }
     ASSERT_TRUE((*writer)->close());
   }

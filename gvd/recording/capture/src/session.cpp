@@ -1,13 +1,12 @@
 #include "rtpm/capture/session.hpp"
 
-#include <sys/utsname.h>
-
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <ctime>
 #include <device_events.rtpm.events.hpp>
 #include <filesystem>
+#include <fstream>
 #include <trial.rtpm.events.hpp>
 #include <utility>
 
@@ -147,11 +146,11 @@ std::optional<Session> session_of(std::span<const recording::Metadata> metadata)
 
 recording::Metadata versions_metadata() {
   recording::Metadata metadata{.name = kVersionsMetadata, .values = {{"rtpm", RTPM_VERSION}}};
-  utsname system{};
-  if (::uname(&system) != 0) return metadata;
-  metadata.values["host"] = system.nodename;
-  metadata.values["kernel"] = std::string(system.sysname) + " " + system.release;
-  metadata.values["machine"] = system.machine;
+  for (const auto& [key, path] : {std::pair{"host", "/proc/sys/kernel/hostname"},
+                                  std::pair{"kernel", "/proc/sys/kernel/osrelease"}}) {
+    std::string line;
+    if (std::ifstream file(path); std::getline(file, line)) metadata.values[key] = line;
+  }
   return metadata;
 }
 

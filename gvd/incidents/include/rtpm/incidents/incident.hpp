@@ -28,7 +28,7 @@ struct Cause {
   std::string why{};   ///< Details for people.
   Severity severity = Severity::kWarning;
   std::uint64_t since_ns = 0;  ///< When it began; 0: just now.
-  /// Of an event: `why` states a sum, so the newest one stands for those of the same second.
+  /// For an event: `why` states a sum, so the newest one stands for those of the same second.
   bool is_sum = false;
 };
 

@@ -14,7 +14,7 @@ namespace rtpm::events {
 /// A consumer of a hub, by the hub's report. Its texts are printable.
 /// @ownership a value
 struct HubConsumer {
-  std::string name{};     ///< Of the subscription: "record".
+  std::string name{};     ///< The subscription's: "record".
   std::string program{};  ///< As it says; empty with an older consumer.
   std::uint32_t process = 0;
   std::string host{};                ///< The address that it subscribed from.

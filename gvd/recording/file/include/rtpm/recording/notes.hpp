@@ -17,7 +17,7 @@ struct Note {
   friend bool operator==(const Note&, const Note&) = default;
 };
 
-inline constexpr std::size_t kNoteCountMax = 10'000;  ///< Of a recording.
+inline constexpr std::size_t kNoteCountMax = 10'000;  ///< Per recording.
 inline constexpr std::size_t kNoteSizeMax = 4096;     ///< Bytes of a note's text.
 
 /// "run.mcap.notes.json".
