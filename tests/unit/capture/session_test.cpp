@@ -152,7 +152,7 @@ TEST_F(SessionTest, HasTheParametersAndTheirChanges) {
   EXPECT_EQ(session_of(*metadata), kSession);
   const auto versions = std::ranges::find(*metadata, kVersionsMetadata, &recording::Metadata::name);
   ASSERT_NE(versions, metadata->end());
-  for (const char* const name : {"rtpm", "host", "kernel", "machine"})
+  for (const char* const name : {"rtpm", "host", "kernel"})
     EXPECT_FALSE(versions->values.at(name).empty()) << name;
 }
 
