@@ -27,7 +27,8 @@ class Sessions : public WithRegistry {
   /// The only recording in the folder.
   [[nodiscard]] std::string file() const {
     std::string found;
-    for (const auto& entry : std::filesystem::directory_iterator(folder_.path("")))
+    const auto folder = std::filesystem::path(folder_.path("run")).parent_path();
+    for (const auto& entry : std::filesystem::directory_iterator(folder))
       if (entry.path().extension() == ".mcap") found = entry.path().string();
     return found;
   }
