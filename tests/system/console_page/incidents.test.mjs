@@ -111,7 +111,7 @@ it('a lost device opens an incident, which a person acknowledges', async () => {
     const overflow = await anna.evaluate(
       () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
     );
-    assert.equal(overflow, 0, size);
+    assert.ok(overflow <= 0, `${size}: ${overflow} px`);
     if (size === 'phone') assert.deepEqual(await smallTargets(anna), []);
   }
   await anna.setViewportSize(kSizes.desktop);
