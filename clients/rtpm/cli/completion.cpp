@@ -228,6 +228,9 @@ void add_completion(CLI::App& program, Context& context) {
       "  rtpm completion fish > ~/.config/fish/completions/rtpm.fish\n",
       [request, &program](Context& c) -> int {
         const std::string& shell = request->shell;
+        if (shell.empty() && request->command.empty()) {
+          return c.fail("SHELL is required", kMisused);
+        }
         if (shell.empty()) return print_words(c, *request);
         const CommandFacts facts = facts_of(program);
         const std::string script = shell == "bash"  ? bash_completion(facts)
@@ -252,9 +255,6 @@ void add_completion(CLI::App& program, Context& context) {
   command.add_option("--of", request->target, "The words of this object")
       ->type_name("TARGET")
       ->needs(words);
-  command.parse_complete_callback([shell, words] {
-    if (shell->empty() && words->empty()) refuse("SHELL is required");
-  });
 }
 
 }  // namespace rtpm::tool

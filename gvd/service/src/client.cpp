@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "flight_wire.hpp"
+#include "holder_introduction.hpp"
 #include "rtpm/gvd/command_lease.hpp"
-#include "rtpm/gvd/holder.hpp"
 #include "rtpm/gvd/lease.hpp"
 #include "rtpm/gvd/models_wire.hpp"
 #include "rtpm/gvd/wire.hpp"
@@ -39,9 +39,9 @@ DeviceResult result_of(const expected<device::Outcome, rpc::CallError>& reply) n
 }  // namespace
 
 struct DeviceClient::Impl {
-  Impl(rpc::Node& its_node, device::DeviceClient bound, const device::Description& description,
-       Duration hold_wanted)
-      : node(its_node),
+  Impl(HolderIntroduction its_introduction, device::DeviceClient bound,
+       const device::Description& description, Duration hold_wanted)
+      : introduction(std::move(its_introduction)),
         stub(std::move(bound)),
         descriptor(from_wire(description)),
         hold(std::clamp(hold_wanted, Duration{0}, from_us(description.hold_us_max()))),
@@ -61,7 +61,7 @@ struct DeviceClient::Impl {
       return unexpected{static_cast<DeviceOutcome>(granted->outcome())};
     }
     lease.store(granted->id(), std::memory_order_relaxed);
-    introduce(node, stub.binding().url(), granted->id(), own_holder_name());
+    introduction.tell(granted->id());
     return {};
   }
   DeviceResult release() {
@@ -70,7 +70,7 @@ struct DeviceClient::Impl {
     return result_of(stub.release(device::Holder{held}));
   }
 
-  rpc::Node& node;
+  HolderIntroduction introduction;
   device::DeviceClient stub;
   driver::Descriptor descriptor;
   Duration hold;
@@ -105,7 +105,8 @@ expected<DeviceClient, SetupError> DeviceClient::open_once(rpc::Node& node, std:
       return setup_error("device " + std::string(device) + " was found, but not described",
                          description.error());
     }
-    impl = std::make_unique<Impl>(node, std::move(*stub), **description, options.hold);
+    impl = std::make_unique<Impl>(HolderIntroduction(node, stub->binding().url()), std::move(*stub),
+                                  **description, options.hold);
   }
   return DeviceClient{std::move(impl)};
 }

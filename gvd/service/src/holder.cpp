@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "holder_introduction.hpp"
 #include "holder_servant.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rpc/caller.hpp"
@@ -44,6 +45,19 @@ std::string program_of(std::string_view command_line) {
   return arguments[1].starts_with('-') ? program : file_name_of(arguments[1]);
 }
 
+auto bind_holder(rpc::Node& node, std::string_view device_url) {
+  rpc::BindOptions options;
+  options.deadline = kIntroduceDeadline;
+  return device::LeaseHolderClient::bind(node, holder_path(device_url), options);
+}
+
+void introduce_by(device::LeaseHolderClient& stub, std::uint64_t lease, std::string_view name) {
+  device::IntroduceRequestT request;
+  request.lease = lease;
+  request.name = name;
+  static_cast<void>(stub.introduce(request));
+}
+
 }  // namespace
 
 std::string own_holder_name() {
@@ -54,16 +68,18 @@ std::string own_holder_name() {
   return printable(host.empty() ? program : program + " on " + host, kHolderNameSizeMax);
 }
 
+HolderIntroduction::HolderIntroduction(rpc::Node& node, std::string_view device_url)
+    : name_(own_holder_name()) {
+  if (auto stub = bind_holder(node, device_url)) stub_.emplace(std::move(*stub));
+}
+
+void HolderIntroduction::tell(std::uint64_t lease) {
+  if (stub_) introduce_by(*stub_, lease, name_);
+}
+
 void introduce(rpc::Node& node, std::string_view device_url, std::uint64_t lease,
                std::string_view name) {
-  rpc::BindOptions options;
-  options.deadline = kIntroduceDeadline;
-  auto stub = device::LeaseHolderClient::bind(node, holder_path(device_url), options);
-  if (!stub) return;
-  device::IntroduceRequestT request;
-  request.lease = lease;
-  request.name = name;
-  static_cast<void>(stub->introduce(request));
+  if (auto stub = bind_holder(node, device_url)) introduce_by(*stub, lease, name);
 }
 
 rpc::Result<device::Outcome> HolderServant::introduce(const device::IntroduceRequest& request,

@@ -160,7 +160,7 @@ TEST_F(Bag, ExportSaysWhatItLeavesOut) {
 
 TEST_F(Bag, ExportRefusesBadInput) {
   const std::string other = folder_.fresh("other");
-  expect_one_sentence(bag({"export", file_, other}), 2, {"--ros2, --csv and --parquet"});
+  expect_one_sentence(bag({"export", file_, other}), 2, {"--ros2, --csv, --parquet, --bids"});
   expect_one_sentence(bag({"export", file_, other, "--csv", "--ros2"}), 2, {"one of --ros2"});
   expect_one_sentence(bag({"export", truncated(), other, "--csv"}), 1, {"recover"});
   expect_one_sentence(bag({"export", file_, file_, "--ros2"}), 1, {"exists already", "Remedy"});

@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <fstream>
 #include <future>
-#include <limits>
 #include <memory>
 
 #include "pty_board.hpp"
@@ -48,13 +47,11 @@ struct Cycles {
   driver::Sample sample{};
 };
 
-/// Runs cycles on schedule until `span` is over, the board is gone, or `ok_count` samples are good.
-Cycles run(driver::Driver& driver, Duration span, double newton_metre,
-           int ok_count = std::numeric_limits<int>::max()) {
+/// Runs cycles on schedule until `span` is over or the board is gone, which must be within 5 s.
+Cycles run(driver::Driver& driver, Duration span, double newton_metre) {
   Cycles cycles;
   MonotonicTime due = rt::now();
-  for (const MonotonicTime end = due + span; due < end && cycles.ok_count < ok_count;
-       due += kPeriod) {
+  for (const MonotonicTime end = due + span; due < end; due += kPeriod) {
     rt::sleep_until(due);
     driver::Command command;
     command.mode = CommandMode::kJointEffort;
@@ -169,12 +166,9 @@ TEST(SerialPty, IsFoundAgainByItsSerialNumber) {
   EXPECT_GT(run(*driver, milliseconds{40}, 0.1).ok_count, 0);
 }
 
-/// Whether a session starts and goes on with this fault.
-bool is_survived(SerialFault fault, std::uint64_t faulty_from) {
+/// The faults with which a session starts and goes on.
+bool is_survived(SerialFault fault) {
   switch (fault) {
-    case SerialFault::kReset:
-    case SerialFault::kResetUnnoticed:
-      return faulty_from == 0;  // A reset at the hello delays the greeting.
     case SerialFault::kNoise:
     case SerialFault::kSplit:
     case SerialFault::kGlued:
@@ -193,35 +187,21 @@ bool is_survived(SerialFault fault, std::uint64_t faulty_from) {
 struct Finding {
   SerialFault fault;
   bool is_started = false;
-  bool goes_on = false;
   bool comes_to_rest = false;
   Cycles cycles{};
 };
 
-/// How long a busy machine may take to run the threads of driver and board.
-constexpr Duration kPatience = std::chrono::seconds{20};
-/// Good samples that show that a session goes on: more than come before any fault starts.
-constexpr int kGoodCount = 40;
-
-/// The time within which a session ends, and that others do not, is tested by a simulated clock in
-/// session_test.cpp. Here a machine that stalls the board's thread can end any session, so one that
-/// survives its fault is started again, as the device's server does, until it has good samples.
 Finding find(SerialFault fault, std::uint64_t faulty_from) {
   Finding finding{.fault = fault};
   PtyBoard board(fault, faulty_from);
   board.with([](SerialModel& model) { model.set_boot_time(milliseconds{100}); });
   const auto driver = make_driver({.port = board.port()});
-  const bool survives = is_survived(fault, faulty_from);
-  const bool is_late = fault == SerialFault::kLate;  // No sample is good.
-  const int good_count = survives ? kGoodCount : std::numeric_limits<int>::max();
-  const MonotonicTime end = rt::now() + kPatience;
-  do {
+  // On a machine that stalls, the server would try again, too.
+  const int attempt_count = is_survived(fault) ? 3 : 1;
+  for (int i = 0; i < attempt_count && !finding.is_started; ++i)
     finding.is_started = start(*driver);
-    if (!finding.is_started) continue;
-    finding.cycles = run(*driver, is_late ? milliseconds{200} : end - rt::now(), 0.1, good_count);
-    finding.goes_on = is_late ? finding.cycles.last == ExchangeStatus::kLate
-                              : finding.cycles.ok_count >= kGoodCount;
-  } while (survives && !finding.goes_on && rt::now() < end);
+  const Duration span = milliseconds{is_survived(fault) || faulty_from == 0 ? 400 : 5000};
+  if (finding.is_started) finding.cycles = run(*driver, span, 0.1);
   driver->deactivate();
   finding.comes_to_rest = board.comes_to_rest();
   return finding;
@@ -240,10 +220,14 @@ TEST_P(SerialPtyFaults, EndInZeroEffort) {
     SCOPED_TRACE(to_string(finding.fault));
     EXPECT_TRUE(finding.comes_to_rest);
     EXPECT_LE(finding.cycles.greatest_effort, 0.1 + 1e-6);
-    if (is_survived(finding.fault, GetParam())) {
-      EXPECT_TRUE(finding.goes_on);
-    } else {
-      EXPECT_TRUE(!finding.is_started || finding.cycles.last == ExchangeStatus::kGone);
+    const bool is_gone = finding.is_started && finding.cycles.last == ExchangeStatus::kGone;
+    const bool is_reset =
+        finding.fault == SerialFault::kReset || finding.fault == SerialFault::kResetUnnoticed;
+    if (is_survived(finding.fault)) {
+      EXPECT_TRUE(finding.is_started && !is_gone);
+      EXPECT_TRUE(finding.cycles.ok_count > 0 || finding.fault == SerialFault::kLate);
+    } else if (GetParam() > 0 || !is_reset) {  // A reset at the hello delays the greeting.
+      EXPECT_TRUE(!finding.is_started || is_gone);
     }
   }
 }
