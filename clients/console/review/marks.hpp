@@ -22,7 +22,7 @@ class Thinned {
   void add(T item) {
     if (count_++ % stride_ != 0) return;
     if (kept_.size() == kMax) {
-      for (std::size_t i = 0; 2 * i < kMax; ++i)
+      for (std::size_t i = 1; 2 * i < kMax; ++i)
         kept_[i] = std::move(kept_[2 * i]);
       kept_.resize(kMax / 2);
       stride_ *= 2;

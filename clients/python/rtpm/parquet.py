@@ -153,7 +153,9 @@ def _convert(source: Path, target: Path) -> int:
 def _is(column: Any, kind: Any) -> bool:
     if kind == pa.bool_():
         allowed = pa.array(["true", "false"])
-        return bool(pc.all(pc.is_in(column.drop_null(), allowed)).as_py())
+        # Made at run time, so type checkers don't know them.
+        is_in, every = getattr(pc, "is_in"), getattr(pc, "all")  # noqa: B009
+        return bool(every(is_in(column.drop_null(), allowed)).as_py())
     try:
         column.cast(kind)
     except pa.ArrowInvalid:

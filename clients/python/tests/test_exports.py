@@ -350,7 +350,9 @@ def test_r_reads_a_joined_table(joined: Path) -> None:
         ["Rscript", "--vanilla", "-e", program], cwd=joined, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    rows, columns, is_number, lacking, condition, total = done.stdout.split("\n")
+    rows, columns, is_number, lacking, condition, total, *_ = (
+        line for line in done.stdout.split("\n") if line
+    )
     frame = pd.read_csv(joined / "joined.csv", low_memory=False)
     assert (int(rows), int(columns)) == frame.shape
     assert (is_number, lacking, condition) == ("TRUE", "0", "soft, then hard")
