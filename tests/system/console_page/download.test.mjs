@@ -8,11 +8,7 @@ import {System} from './programs.mjs';
 
 const artefacts = process.env.RTPM_ARTEFACTS;
 const recordings = `${process.env.RTPM_SCRATCH}/recordings`;
-const system = new System({
-  folder: process.env.RTPM_PROGRAM_FOLDER,
-  scratch: process.env.RTPM_SCRATCH,
-  stroke: process.env.RTPM_STROKE,
-});
+const system = new System();
 let browser;
 let page;
 let file;

@@ -5,13 +5,8 @@ import {after, before, describe, it} from 'node:test';
 import {accessibilityFaults, keep, launch, open, reading, show, until, visit} from './browser.mjs';
 import {System} from './programs.mjs';
 
-const folder = process.env.RTPM_PROGRAM_FOLDER;
 const artefacts = process.env.RTPM_ARTEFACTS;
-const system = new System({
-  folder,
-  scratch: process.env.RTPM_SCRATCH,
-  stroke: process.env.RTPM_STROKE,
-});
+const system = new System();
 let browser;
 let page;
 

@@ -5,13 +5,9 @@ import {after, before, it} from 'node:test';
 import {accessibilityFaults, keep, launch, open, show, smallTargets, until} from './browser.mjs';
 import {System} from './programs.mjs';
 
-const {RTPM_PROGRAM_FOLDER, RTPM_ARTEFACTS, RTPM_SCRATCH, RTPM_STROKE, RTPM_CHROMIUM} = process.env;
+const {RTPM_ARTEFACTS, RTPM_CHROMIUM} = process.env;
 const artefacts = `${RTPM_ARTEFACTS}/incidents`;
-const system = new System({
-  folder: RTPM_PROGRAM_FOLDER,
-  scratch: RTPM_SCRATCH,
-  stroke: RTPM_STROKE,
-});
+const system = new System();
 const kSizes = {desktop: {width: 1440, height: 1000}, phone: {width: 390, height: 844}};
 let browser;
 let anna;

@@ -14,11 +14,7 @@ import {
 import {System} from './programs.mjs';
 
 const artefacts = process.env.RTPM_ARTEFACTS;
-const system = new System({
-  folder: process.env.RTPM_PROGRAM_FOLDER,
-  scratch: process.env.RTPM_SCRATCH,
-  stroke: process.env.RTPM_STROKE,
-});
+const system = new System();
 let browser;
 let page;
 
@@ -37,7 +33,7 @@ const kX = 'lab/arm0/sampled.position_m.x';
 const kOtherX = 'lab/arm1/sampled.position_m.x';
 const query = () => page.getByRole('combobox', {name: 'Search fields'});
 const canvas = (at = 0) => page.getByTestId(`plot-${at}`).getByTestId('plot-canvas');
-/** What the table says of a curve, as a number; NaN where there is none. */
+/** The table's value of a curve, as a number; NaN where there is none. */
 const value = async (path, column = 'value') => {
   const text = await page.locator(`[data-curve="${path}"] [data-${column}]`).first().textContent();
   return Number(text.split(' ')[0].replace('−', '-').replace('–', 'NaN') || NaN);

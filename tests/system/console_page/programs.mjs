@@ -43,16 +43,10 @@ const kToken = 'token-of-the-page-test';
 const kRtpm = /rtpm:\/\/\S+/;
 
 export class System {
-  #folder;
-  #scratch;
-  #stroke;
+  #folder = process.env.RTPM_PROGRAM_FOLDER;
+  #scratch = process.env.RTPM_SCRATCH;
+  #stroke = process.env.RTPM_STROKE;
   #programs = [];
-
-  constructor({folder, scratch, stroke}) {
-    this.#folder = folder;
-    this.#scratch = scratch;
-    this.#stroke = stroke;
-  }
 
   async start() {
     mkdirSync(`${this.#scratch}/recordings`, {recursive: true});

@@ -7,11 +7,7 @@ import {System} from './programs.mjs';
 
 const artefacts = process.env.RTPM_ARTEFACTS;
 const scratch = process.env.RTPM_SCRATCH;
-const system = new System({
-  folder: process.env.RTPM_PROGRAM_FOLDER,
-  scratch,
-  stroke: process.env.RTPM_STROKE,
-});
+const system = new System();
 let browser;
 let page;
 

@@ -6,11 +6,7 @@ import {System} from './programs.mjs';
 
 const kPhone = {width: 390, height: 844};
 const artefacts = process.env.RTPM_ARTEFACTS;
-const system = new System({
-  folder: process.env.RTPM_PROGRAM_FOLDER,
-  scratch: process.env.RTPM_SCRATCH,
-  stroke: process.env.RTPM_STROKE,
-});
+const system = new System();
 let browser;
 let page;
 
@@ -74,6 +70,8 @@ describe('a session', () => {
     await page.getByLabel('Key of pain').fill('p');
     await page.reload();
     await button('pain').waitFor();
+    // Before the connection is there, a key marks nothing, which the page says.
+    await button('Markers: 4').waitFor();
     await page.keyboard.press('p');
     await button('Markers: 5').click();
     await until('the mark', rows, ([first]) => /pain/.test(first ?? ''));

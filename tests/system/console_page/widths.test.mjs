@@ -53,7 +53,7 @@ after(async () => {
   await Promise.all([few?.end(), many?.end()]);
 });
 
-/** What is wider than the page, as a whole or cut off at its edge, or than the card around it. */
+/** Elements that are wider than the page, as a whole or cut off at its edge, or than the card around it. */
 function tooWide(page) {
   return page.evaluate(() => {
     const {scrollWidth, clientWidth} = document.scrollingElement;

@@ -10,7 +10,7 @@ import {
 } from '../model/span';
 import {colour} from '../store/theme';
 
-/** What the canvases of a review have in common: times of axes, curves, and what happened. */
+/** The common part of a review's canvases: times of axes, curves, and what happened. */
 
 export interface Frame {
   readonly context: CanvasRenderingContext2D;

@@ -26,7 +26,7 @@ import {
 } from './review_canvas';
 import {attachGestures, takeKey, type TimeAxis} from './time_gestures';
 
-/** What all charts of a review share. Its times are those of the axis, not of the recording. */
+/** The properties that all charts of a review share. Its times are those of the axis, not of the recording. */
 export interface Shared {
   readonly span: Span;
   readonly whole: Span;
@@ -354,7 +354,7 @@ function paintStrip(canvas: HTMLCanvasElement, props: StripProps): void {
   const onAxis: Frame = {...tall, span: shared.whole};
   const [from, to] = [xOf(onAxis, shared.span.fromS), xOf(onAxis, shared.span.toS)];
   const end = frame.left + frame.width;
-  // What does not show below is dimmed.
+  // The parts that do not show below are dimmed.
   context.save();
   context.fillStyle = style.getPropertyValue('--ground');
   context.globalAlpha = 0.66;

@@ -1,10 +1,10 @@
 import {centred, lengthOf, moved, timeAt, zoomed, type Span} from '../model/span';
 
-/** What a time axis does for a pointer and keys: those of Foxglove's and Grafana's plots. */
+/** The gestures and keys of a time axis: those of Foxglove's and Grafana's plots. */
 export interface TimeAxis {
-  /** What the element's width is. */
+  /** The element's width. */
   readonly view: Span;
-  /** What shows, which is zoomed and moved. */
+  /** The part that shows, which is zoomed and moved. */
   readonly span: Span;
   readonly whole: Span;
   /** The pixels left and right of the axis. */

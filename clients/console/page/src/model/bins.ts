@@ -1,3 +1,5 @@
+import {rowAtOrAfter} from './rows';
+
 /** Curves over a common grid of time, as uPlot takes them. */
 
 /** The recorded past of a curve: the lowest and highest value of each step. */
@@ -56,14 +58,7 @@ export class Ring {
 
   /** The first row at or after `timeS`. */
   rowAt(timeS: number): number {
-    let low = 0;
-    let high = this.count;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.timeAt(middle) < timeS) low = middle + 1;
-      else high = middle;
-    }
-    return low;
+    return rowAtOrAfter(this.count, (row) => this.timeAt(row), timeS);
   }
 }
 

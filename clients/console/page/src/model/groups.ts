@@ -9,7 +9,7 @@ import {
   type Standing,
 } from './state';
 
-/** What there is, in the order in which an operator looks for it. */
+/** The conditions, in the order in which an operator looks for it. */
 
 /** arm2 before arm10. */
 const natural = new Intl.Collator('en', {numeric: true});

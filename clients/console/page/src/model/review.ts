@@ -18,11 +18,11 @@ export interface Happening {
   /** null: it has no length, or its end is not recorded. */
   readonly endS: number | null;
   readonly text: string;
-  /** Of an incident; else empty. */
+  /** An incident's; else empty. */
   readonly device: string;
-  /** Of a trial, from 1. */
+  /** A trial's, from 1. */
   readonly number: number;
-  /** Of a note: when it was made, as the console told it. */
+  /** When a note was made, as the console told it. */
   readonly madeNs: number | bigint;
   readonly timeNs: number | bigint;
 }
@@ -35,7 +35,7 @@ export interface Run {
   readonly isComplete: boolean;
   /** Why not all of it was read; empty: nothing is wrong. */
   readonly problem: string;
-  /** Of the overview: 0 to 1. */
+  /** The overview's: 0 to 1. */
   readonly progress: number;
   readonly session: readonly (readonly [string, string])[];
   readonly fields: readonly ReviewField[];
@@ -55,7 +55,7 @@ export interface Run {
   readonly cut: {readonly file: string; readonly progress: number} | null;
 }
 
-/** Of one field: either the samples, or the least and greatest values in steps of time. */
+/** One field's values: either the samples, or the least and greatest values in steps of time. */
 export type Curve =
   | {
       readonly kind: 'samples';
@@ -240,7 +240,7 @@ export function rangeOf(
   return high >= low ? {low, high} : null;
 }
 
-/** What a curve had at a moment: the newest sample, or the step around it; null: nothing yet. */
+/** The value of a curve at a moment: the newest sample, or the step around it; null: nothing yet. */
 export function valueAt(
   curve: Curve,
   timeS: number,

@@ -7,7 +7,7 @@ import {useId} from './parts';
 const kMarginPx = 8;
 
 interface PopupProps {
-  /** What the button shows, and its name where that is no text. */
+  /** The button's content, and its name where that is no text. */
   button: ComponentChildren;
   label?: string;
   buttonClass: string;

@@ -11,7 +11,7 @@ export interface Entry {
   readonly endNs: number;
   readonly messageCount: number;
   readonly isComplete: boolean;
-  /** Of its session; empty where it was made in none. */
+  /** Its session's; empty where it was made in none. */
   readonly participant: string;
   readonly experiment: string;
   readonly condition: string;
@@ -54,7 +54,7 @@ export class Recordings {
   /** Recordings in the folder that are not in the list. */
   readonly omittedCount: Signal<number> = signal(0);
   readonly deleted: Signal<readonly Deleted[]> = signal([]);
-  /** What was deleted last, until it is undone or something else is done. */
+  /** The newest deleted recording, until it is undone or something else is done. */
   readonly undo: Signal<{readonly id: string; readonly file: string} | null> = signal(null);
   /** Deleted recordings that are gone for good since the page was opened. */
   readonly purged: Signal<readonly string[]> = signal([]);

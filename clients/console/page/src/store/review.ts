@@ -30,9 +30,9 @@ interface Wanted {
 export class Review {
   readonly run: Signal<Run | null> = signal(null);
   readonly problem: Signal<string> = signal('');
-  /** Of the whole recording. */
+  /** The whole recording's. */
   readonly overview: Signal<Curves | null> = signal(null);
-  /** Of the part that shows. */
+  /** The shown part's. */
   readonly curves: Signal<Curves | null> = signal(null);
   readonly isReading: Signal<boolean> = signal(false);
   private isOver = false;

@@ -1,3 +1,5 @@
+import {rowAtOrAfter} from '../model/rows';
+
 /** Columns over x, as uPlot takes them. */
 export type Columns = [number[], ...(number | null)[][]];
 
@@ -57,14 +59,7 @@ export class Series {
 
   /** The first row at or after `timeS`; `size` if there is none. */
   rowAt(timeS: number): number {
-    let low = 0;
-    let high = this.count;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.timeAt(middle) < timeS) low = middle + 1;
-      else high = middle;
-    }
-    return low;
+    return rowAtOrAfter(this.count, (row) => this.timeAt(row), timeS);
   }
 
   /**

@@ -1176,7 +1176,6 @@ export const kTexts = {
     unknown: ['unknown', 'unbekannt'],
     free: ['free', 'frei'],
     thisConsole: ['this console', 'diese Konsole'],
-    you: ['you', 'Sie'],
     another: ['another program', 'ein anderes Programm'],
     thisRoom: ['this room', 'dieser Raum'],
     since: [(time: string) => `since ${time}`, (time: string) => `seit ${time}`],

@@ -54,7 +54,7 @@ function Cards({devices}: {devices: readonly Device[]}) {
   );
 }
 
-/** What the numbers of a device mean. */
+/** Explains the numbers of a device. */
 function Title({isRows = false}: {isRows?: boolean}) {
   const words = texts.value.devices;
   const facts: [string, string][] = [

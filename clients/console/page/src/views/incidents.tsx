@@ -14,7 +14,7 @@ const kTones: Readonly<Record<Incident['severity'], Tone>> = {
   warning: 'warn',
   alarm: 'bad',
 };
-/** Of these a device has a flight record. */
+/** A device has a flight record of these. */
 const kFlown = new Set(['lost', 'stopped', 'fault']);
 
 /** Shorter ones are events, which do not last. */

@@ -253,7 +253,7 @@ interface PartProps {
   readonly originS: number;
 }
 
-/** What can be done with the recording; a form opens below the buttons. */
+/** The actions on a recording; a form opens below the buttons. */
 function Actions({review, run, shared, originS}: PartProps) {
   const app = useApp();
   const words = texts.value.review;
@@ -669,7 +669,7 @@ function Group({group, runs, shared, shown}: GroupProps) {
   );
 }
 
-/** What happened in the part that shows: all of it where the file was read. */
+/** The happenings in the part that shows: all of them where the file was read. */
 function inSpan(review: Review, run: Run, span: Span, originS: number): readonly Happening[] {
   const curves = review.curves.value;
   const all = curves?.isExact === true ? curves.happenings : run.happenings;
@@ -742,7 +742,7 @@ interface HappeningsProps {
   readonly onGo: (atS: number) => void;
 }
 
-/** What happened, in words; a press goes there. */
+/** A happening, in words; a press goes there. */
 function Happenings({review, run, originS, span, onGo}: HappeningsProps) {
   const words = texts.value.review;
   const hidden = useSignal<readonly HappeningKind[]>(['lease']);
