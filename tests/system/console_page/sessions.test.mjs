@@ -70,7 +70,7 @@ describe('a session', () => {
     await page.getByLabel('Key of pain').fill('p');
     await page.reload();
     await button('pain').waitFor();
-    // Before the connection is there, a key marks nothing, which the page says.
+    // The earlier marks come over the new connection, which a mark needs, too.
     await button('Markers: 4').waitFor();
     await page.keyboard.press('p');
     await button('Markers: 5').click();
