@@ -393,6 +393,9 @@ describe('without a token', () => {
       await until('a position', () => reading(other, 'x'), Number.isFinite);
       assert.ok(await other.getByTestId('stop').isDisabled());
       assert.ok(await other.getByRole('button', {name: 'Deactivate'}).isDisabled());
+      assert.equal(await other.getByTestId('markers').count(), 0);
+      await show(other, 'recordings');
+      assert.ok(await other.getByTestId('record').isDisabled());
     });
   });
 });

@@ -53,7 +53,8 @@ const paintedColumns = (within) =>
         const at = 4 * (y * width + x);
         const off =
           Math.abs(data[at] - red) + Math.abs(data[at + 1] - green) + Math.abs(data[at + 2] - blue);
-        if (data[at + 3] > 200 && off < 60) {
+        // On a screen of half the pixels a line is half transparent.
+        if (data[at + 3] > 50 && off < 60) {
           ++count;
           break;
         }

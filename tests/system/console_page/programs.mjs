@@ -1,6 +1,6 @@
 // The running system beside which the page is tested: registry, devices, force node, console.
 import {spawn} from 'node:child_process';
-import {existsSync, mkdirSync, writeFileSync} from 'node:fs';
+import {existsSync, mkdirSync, readFileSync, writeFileSync} from 'node:fs';
 import {createInterface} from 'node:readline';
 
 const kPatienceMs = 30_000;
@@ -29,6 +29,12 @@ export class Program {
       program.#ended.then((code) => reject(new Error(`${path} ended with ${code}`)));
     });
     return program;
+  }
+
+  /** Its memory in MiB, the most so far. */
+  peakMiB() {
+    const status = readFileSync(`/proc/${this.#process.pid}/status`, 'utf8');
+    return Number(/VmHWM:\s+(\d+) kB/.exec(status)[1]) / 1024;
   }
 
   async end(signal = 'SIGTERM') {
@@ -84,6 +90,15 @@ export class System {
     const args = ['--port', '0', '--registry', this.registry, '--medium-cam0-button', 'lab/knob0'];
     this.camera = await this.#launch('rtpm-camerad', args, kRtpm);
     return true;
+  }
+
+  /** A further device server, with so many knobs at a low rate. */
+  async startKnobs(folder, count) {
+    const names = Array.from({length: count}, (_, i) => `knob${i}`);
+    const rates = names.flatMap((name) => [`--device-${name}-rate`, '20']);
+    const args = ['--port', '0', '--registry', this.registry, '--folder', folder];
+    const options = ['--devices', names.join(), ...rates, '--stops', 'none'];
+    await this.#launch('rtpm-deviced', [...args, ...options], kRtpm);
   }
 
   /** Soft, so that a greater stiffness shows in the force. */

@@ -27,7 +27,6 @@ export function MarkerBar() {
     return () => window.removeEventListener('keydown', onKey);
   }, [app]);
   const count = markers.live.rows.value.length + markers.live.omittedCount.value;
-  const isUsable = app.isLive.value;
   const markNote = (event: Event) => {
     event.preventDefault();
     const label = note.value.trim();
@@ -44,7 +43,6 @@ export function MarkerBar() {
               type="button"
               key={`${one.key} ${one.label}`}
               class="marker-button"
-              disabled={!isUsable}
               onClick={() => void markers.mark({label: one.label})}
               {...(one.key === '' ? {} : {'aria-keyshortcuts': one.key})}
             >
@@ -63,11 +61,11 @@ export function MarkerBar() {
             value={note.value}
             onInput={(event) => (note.value = event.currentTarget.value)}
           />
-          <button type="submit" disabled={!isUsable || note.value.trim() === ''}>
+          <button type="submit" disabled={note.value.trim() === ''}>
             {words.mark}
           </button>
         </form>
-        <TrialGroup isUsable={isUsable} />
+        <TrialGroup />
         <div class="marker-group marker-tools">
           <button
             type="button"
@@ -94,8 +92,10 @@ export function MarkerBar() {
   );
 }
 
-function TrialGroup({isUsable}: {isUsable: boolean}) {
+/** Without the console no one knows which trial is open; a mark waits until it is back. */
+function TrialGroup() {
   const app = useApp();
+  const isUsable = app.isLive.value;
   const words = texts.value.markers;
   const trial = app.markers.open.value;
   const isOpen = trial !== null;
@@ -162,12 +162,13 @@ const kTyping = 'input, textarea, select, [contenteditable], dialog';
 function press(app: App, event: KeyboardEvent): void {
   const isPlain = !event.ctrlKey && !event.altKey && !event.metaKey && !event.repeat;
   const target = event.target;
-  if (!isPlain || event.defaultPrevented || !app.isLive.peek()) return;
+  if (!isPlain || event.defaultPrevented) return;
   if (target instanceof Element && target.closest(kTyping) !== null) return;
   const key = event.key.toLowerCase();
   const button = app.markers.buttons.peek().find((one) => one.key === key);
   const trial = app.markers.open.peek();
   if (button !== undefined) void app.markers.mark({label: button.label});
+  else if (!app.isLive.peek()) return;
   else if (key === kBeginKey && trial === null) turnTrial(app, null);
   else if (key === kEndKey && trial !== null) turnTrial(app, trial);
   else return;

@@ -25,6 +25,12 @@ export function Shell() {
   const app = useApp();
   const {view, subject} = app.route.value;
   const main = useRef<HTMLElement>(null);
+  // A mark takes its time from the console's clock, which the first state tells.
+  const isMarking =
+    kMarkedViews.has(view) &&
+    app.mayCommand.value &&
+    app.state.value !== null &&
+    !app.showsReplay.value;
   useEffect(() => {
     const state = !app.isLive.value ? texts.value.header.titleNotConnected : alarmOf(app);
     const unseen = app.state.value?.incidents.unseenCount ?? 0;
@@ -50,7 +56,7 @@ export function Shell() {
       <Banners />
       <main id="main" ref={main} tabIndex={-1}>
         <h1 class="visually-hidden">{texts.value.views[view]}</h1>
-        {kMarkedViews.has(view) && app.mayCommand.value && !app.showsReplay.value && <MarkerBar />}
+        {isMarking && <MarkerBar />}
         <Shown view={view} />
       </main>
       <Timeline />
