@@ -13,6 +13,7 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/base/time.hpp
   rtpm/capture/live_recording.hpp
   rtpm/capture/read_events.hpp
+  rtpm/capture/session.hpp
   rtpm/configuration/configurable.hpp
   rtpm/configuration/error.hpp
   rtpm/crypto/primitives.hpp
