@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "rtpm/base/printable.hpp"
+#include "rtpm/events/hub_types.hpp"
 #include "rtpm/gvd/device_event.hpp"
 
 namespace rtpm::capture {

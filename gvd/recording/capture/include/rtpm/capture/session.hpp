@@ -10,8 +10,11 @@
 
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/events/filter.hpp"
-#include "rtpm/events/hub_types.hpp"
 #include "rtpm/recording/mcap.hpp"
+
+namespace rtpm::events {
+class HubTypes;
+}
 
 namespace rtpm::capture {
 
