@@ -55,7 +55,7 @@ void mutate(Input& input, std::mt19937_64& random) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr int kMutationCount = 20'000;
+  constexpr int kMutationCount = 5000;
   if (argc != 2) {
     std::fprintf(stderr, "usage: %s CORPUS_FOLDER\n", argv[0]);
     return 2;

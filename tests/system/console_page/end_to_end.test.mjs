@@ -41,10 +41,10 @@ after(async () => {
 describe('the page', () => {
   it('hides the token, and may command', async () => {
     assert.ok(!page.url().includes('token'));
-    await page.getByText('may command').waitFor();
+    await page.getByText('may command', {exact: true}).waitFor();
     // The token is kept for a reload.
     await page.reload();
-    await page.getByText('may command').waitFor();
+    await page.getByText('may command', {exact: true}).waitFor();
   });
 
   it('shows hosts, servers, lanes, devices and objects', async () => {
