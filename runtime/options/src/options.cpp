@@ -10,6 +10,7 @@
 
 #include "config_file.hpp"
 #include "rtpm/rt/log.hpp"
+#include "rtpm/wire/url.hpp"
 #include "setting.hpp"
 
 namespace rtpm::options {
@@ -384,10 +385,18 @@ void Options::add_registry(std::string& where) {
   impl_->names_place = &where;
   impl_->registry = is_url ? where : "";
   impl_->discover = is_url ? "host" : where;
-  shared.add(
-      "registry", impl_->registry,
+  Setting setting = setting_of(impl_->registry, {});
+  setting.expected = "a URL rtpm://host:port/path, or several with ',' between";
+  setting.read = [read = setting.read](const Texts& texts) {
+    const auto is_whole = [](const std::string& text) { return wire::parse_url(text).has_value(); };
+    const bool is_empty = texts.front().empty();
+    return (is_empty || std::ranges::all_of(items_of(texts), is_whole)) && read(texts);
+  };
+  impl_->add(
+      shared.place_, "registry",
       "The registry of names, and no other: a URL rtpm://host:port/path; several with the same "
-      "names: URL,URL; empty: where --discover finds one");
+      "names: URL,URL; empty: where --discover finds one",
+      std::move(setting));
   shared.add(
       "discover", impl_->discover,
       "Without --registry, where to find names: host, this one only; lan[:DOMAIN]@INTERFACE, also "

@@ -128,7 +128,7 @@ describe('plots', () => {
       .click();
     const menu = page.locator('.plot-menu:popover-open');
     await menu.getByRole('combobox', {name: 'Passed'}).selectOption('below');
-    await menu.getByRole('textbox', {name: 'Value'}).fill('5');
+    await menu.getByRole('textbox', {name: 'Value'}).fill('0.05');
     await menu.getByRole('textbox', {name: 'Label'}).fill('soft limit');
     await menu.getByRole('button', {name: 'Add'}).click();
     await page.keyboard.press('Escape');

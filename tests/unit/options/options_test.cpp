@@ -236,6 +236,13 @@ TEST_F(OptionsTest, TakesDiscoveryWhereNoRegistryIsGiven) {
   EXPECT_EQ(values_.registry, "10.0.0.5,labpc");
 }
 
+TEST_F(OptionsTest, RefusesARegistryThatIsNoUrl) {
+  expect_parsed({"--registry", "rtpm://h:1/n,rtpm://[::1]:2/n"});
+  for (const char* wrong : {"rtpm://127.0.0.1:7420", "h:1", "rtpm://h:1/n,lab/names"}) {
+    expect_error({"--registry", wrong}, {wrong, "is not a URL rtpm://host:port/path"});
+  }
+}
+
 TEST_F(OptionsTest, DumpsAConfigurationThatReadsBackTheSame) {
   values_ = changed_values();
   values_.host = "  # \"quoted\" \\ and a\ttab\n";
