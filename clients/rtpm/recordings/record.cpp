@@ -112,8 +112,8 @@ class Sources {
   }
   /// Receives the remaining messages, and ends the sources; their counts stay readable.
   void end() {
-    if (parameters_) parameters_->stop();
     if (hub_) hub_->finish();
+    if (parameters_) parameters_->stop();
     if (devices_) devices_->stop();
     for (const auto& medium : media_)
       medium->stop();
@@ -178,11 +178,10 @@ class Sources {
     }
     return kDone;
   }
-  /// Records the parameters of these devices; of all if there are none.
+  /// Records the parameters of these devices, and of each one of which an event is recorded.
   int read_parameters(std::vector<std::string> devices) {
     auto parameters = capture::ParameterRecorder::start(
-        context_.node(), recorder_,
-        {.hub = request_.hub, .registry = context_.registry, .devices = std::move(devices)});
+        context_.node(), recorder_, {.hub = request_.hub, .devices = std::move(devices)});
     if (!parameters) return context_.fail(parameters.error());
     parameters_ = std::move(*parameters);
     return kDone;
@@ -214,19 +213,24 @@ class Sources {
       if (!chosen) return context_.fail(named("--only", chosen.error()));
       *filter = std::move(*chosen);
     }
+    devices.insert(devices.end(), request_.devices.begin(), request_.devices.end());
+    if (const int exit_code = read_parameters(std::move(devices)); exit_code != kDone) {
+      return exit_code;
+    }
     auto hub = capture::HubRecorder::create(context_.node(), recorder_, std::move(types),
                                             {.hub = request_.hub,
                                              .registry = context_.registry,
                                              .deadline = deadline_,
                                              .filter = *filter,
                                              .every_nth = request_.every_nth,
-                                             .priority = context_.priority.value_or(Priority{})});
+                                             .priority = context_.priority.value_or(Priority{}),
+                                             .parameters = parameters_.get()});
     if (!hub) return context_.fail(hub.error());
     hub_ = std::move(*hub);
     add_clock(request_.hub);
     static_cast<void>(clocks_.add_devices(context_.registry));  // The hub recorder reports it.
     report();
-    return read_parameters(std::move(devices));
+    return kDone;
   }
   void add_clock(const std::string& name) {
     if (const auto url = names::url_of(context_.node(), context_.registry, name)) {
@@ -258,8 +262,8 @@ class Sources {
   std::vector<std::unique_ptr<capture::CallRecorder>> calls_{};
   std::optional<capture::DeviceRecorder> devices_{};
   std::vector<std::unique_ptr<capture::MediumRecorder>> media_{};
+  std::unique_ptr<capture::ParameterRecorder> parameters_{};  ///< Outlives `hub_`.
   std::unique_ptr<capture::HubRecorder> hub_{};
-  std::unique_ptr<capture::ParameterRecorder> parameters_{};
   std::set<std::string> failed_{};  ///< Devices for which a failed poll was reported.
   capture::ClockSurvey clocks_{context_.node()};
 };

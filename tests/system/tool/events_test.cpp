@@ -260,7 +260,6 @@ TEST_F(Events, AreRecordedFromProgramsThatStartLater) {
   const auto reader = recording::FileReader::open(file);
   ASSERT_TRUE(reader) << reader.error().text();
   for (const auto& [number, channel] : (*reader)->channels()) {
-    if (channel.metadata.at("rtpm.kind") == "parameters") continue;  // All devices have some.
     EXPECT_TRUE(channel.topic.starts_with("lab/knob0/")) << channel.topic;
     EXPECT_EQ(channel.message_encoding, "flatbuffer") << channel.topic;
   }

@@ -1,5 +1,6 @@
 #include "rtpm/capture/session.hpp"
 
+#include <device.rtpm.hpp>
 #include <device_events.rtpm.events.hpp>
 
 #include "../gvd/configuration/samples.hpp"
@@ -9,9 +10,13 @@
 #include "rtpm/configuration/manager.hpp"
 #include "rtpm/events/hub_server.hpp"
 #include "rtpm/gvd/device_event.hpp"
+#include "rtpm/names/directory.hpp"
+#include "rtpm/names/resolver.hpp"
+#include "rtpm/names/servant.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
+#include "rtpm/test/serve.hpp"
 
 // A recording states its experiment and the parameters of its devices.
 namespace rtpm::capture {
@@ -154,6 +159,43 @@ TEST_F(SessionTest, HasTheParametersAndTheirChanges) {
   ASSERT_NE(versions, metadata->end());
   for (const char* const name : {"rtpm", "host", "kernel"})
     EXPECT_FALSE(versions->values.at(name).empty()) << name;
+}
+
+/// Two devices at the registry; only one pushes events to the recording's hub.
+TEST_F(SessionTest, HasTheParametersOfTheDevicesThatItRecordsOnly) {
+  const auto names = names::make_servant();
+  const auto registry = test::serve(names::kRegistryPath, *names);
+  const std::string registry_url = registry->url(names::kRegistryPath);
+  names::RegistryResolver resolver(node_, registry_url);
+  node_.use(resolver);
+  for (const char* const name : {"lab/arm0", "lab/arm1"}) {
+    const auto bound = names::Directory(node_, registry_url)
+                           .bind({.name = name,
+                                  .url = url_,
+                                  .interface = device::DeviceClient::interface().name,
+                                  .owner = {.id = 1, .epoch = 1},
+                                  .lease = std::chrono::minutes{1}});
+    ASSERT_TRUE(bound) << bound.error().text();
+  }
+  auto recording =
+      LiveRecording::start(node_, file_, {.hub = hub_->url(), .registry = registry_url});
+  ASSERT_TRUE(recording) << recording.error().text();
+  auto samples = device::SampledSupplier::create(hub_->hub(), gvd::source_of("lab/arm0"));
+  ASSERT_TRUE(samples) << samples.error().text();
+  ASSERT_TRUE(samples->push(device::Sample{}));
+  // The event itself, and the parameters.
+  ASSERT_TRUE(test::await([&] { return (*recording)->status().recorder.message_count >= 2; }));
+  ASSERT_TRUE((*recording)->stop());
+  node_.forget(resolver);
+  registry->stop();
+
+  const auto reader = recording::FileReader::open(file_);
+  ASSERT_TRUE(reader) << reader.error().text();
+  const auto read = read_parameters(**reader);
+  ASSERT_TRUE(read) << read.error().text();
+  ASSERT_EQ(read->size(), 1u);
+  EXPECT_EQ(read->front().device, "lab/arm0");
+  EXPECT_EQ(read->front().first.parameters.size(), device_.specs.size());
 }
 
 TEST_F(SessionTest, StatesWhoseParametersAreMissing) {

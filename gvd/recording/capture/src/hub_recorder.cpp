@@ -8,6 +8,7 @@
 #include "event_recorder.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/capture/device_recorder.hpp"
+#include "rtpm/capture/parameters.hpp"
 #include "rtpm/events/hub_types.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
@@ -51,6 +52,7 @@ struct HubRecorder::Impl final : events::EventHandler {
       lacks_type = lacks_type || (type == nullptr && event.header.type <= events::kEventTypeMax);
       event_recorder.record(event, type, is_hub_local);
     }
+    take_new_devices();
   }
   void on_notice(const events::Notice& notice) override {
     std::string text = text_of(notice, config.hub);
@@ -87,8 +89,21 @@ struct HubRecorder::Impl final : events::EventHandler {
     event_recorder.name_devices(found);
     return {};
   }
+  /// Their parameters are read at once, as they may change soon. The mutex must be locked.
+  void take_new_devices() {
+    for (std::string& name : event_recorder.take_new_devices()) {
+      if (config.parameters != nullptr) config.parameters->add(name);
+      new_devices.push_back(std::move(name));
+    }
+  }
   void describe_devices() {
-    for (const std::string& name : event_recorder.take_new_devices()) {
+    std::vector<std::string> names;
+    {
+      const std::lock_guard lock(mutex);
+      take_new_devices();
+      names = std::exchange(new_devices, {});
+    }
+    for (const std::string& name : names) {
       const auto described = device_recorder.describe(name);
       if (described) {
         event_recorder.add_view(name, *described);
@@ -122,7 +137,8 @@ struct HubRecorder::Impl final : events::EventHandler {
   events::HubTypes types;        ///< Guarded by `mutex`, like the members up to `reports`.
   EventRecorder event_recorder;  ///< The mutex guards record(), attend() and finish().
   bool lacks_type = false;
-  bool is_ending = false;  ///< This object is ending the subscription.
+  bool is_ending = false;                  ///< This object is ending the subscription.
+  std::vector<std::string> new_devices{};  ///< Not described yet.
   std::vector<std::string> undescribed{};
   std::vector<std::string> reports{};
   std::unique_ptr<events::Consumer> consumer{};  ///< Set under the mutex.

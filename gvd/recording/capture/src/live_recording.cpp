@@ -71,11 +71,16 @@ struct LiveRecording::Impl {
                                    const LiveRecordingConfig& config, events::Filter filter) {
     static_cast<void>(recorder->write(versions_metadata()));
     if (config.session) static_cast<void>(recorder->write(session_metadata(*config.session)));
+    auto reading =
+        ParameterRecorder::start(node, *recorder, {.hub = config.hub, .devices = config.devices});
+    if (!reading) return unexpected{reading.error()};
+    parameters = std::move(*reading);
     auto created = HubRecorder::create(node, *recorder, std::move(types),
                                        {.hub = config.hub,
                                         .registry = config.registry,
                                         .deadline = config.deadline,
-                                        .filter = std::move(filter)});
+                                        .filter = std::move(filter),
+                                        .parameters = parameters.get()});
     if (!created) return unexpected{created.error()};
     hub = std::move(*created);
     for (const std::string& name : config.media) {
@@ -84,11 +89,6 @@ struct LiveRecording::Impl {
       media.push_back(std::move(*medium));
     }
     add_clocks(node, config);
-    auto reading = ParameterRecorder::start(
-        node, *recorder,
-        {.hub = config.hub, .registry = config.registry, .devices = config.devices});
-    if (!reading) return unexpected{reading.error()};
-    parameters = std::move(*reading);
     auto begun = rt::Thread::start({.name = "rtpm-record", .realtime = rt::RealtimeMode::kOff},
                                    [this] { run(); });
     if (!begun) return unexpected{begun.error()};
@@ -137,9 +137,9 @@ struct LiveRecording::Impl {
     if (thread.is_running()) {
       ending.post();
       thread.join();
+      hub->finish();
       parameters->stop();
       take_reports();
-      hub->finish();
       for (const auto& medium : media)
         medium->stop();
     }
@@ -155,9 +155,9 @@ struct LiveRecording::Impl {
   recording::Recorder::Track& annotations;  ///< Guarded by `mutex`.
   std::uint16_t annotation_channel;
   std::uint32_t annotation_count = 0;
+  std::unique_ptr<ParameterRecorder> parameters{};  ///< Outlives `hub`, which adds devices.
   std::unique_ptr<HubRecorder> hub{};
   std::vector<std::unique_ptr<MediumRecorder>> media{};
-  std::unique_ptr<ParameterRecorder> parameters{};
   std::vector<std::string> reports{};  ///< Guarded by `mutex`.
   rt::Semaphore ending{};
   rt::Thread thread{};

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <configuration.rtpm.hpp>
-#include <device.rtpm.hpp>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -16,7 +15,6 @@
 #include "rtpm/configuration/list_reply.hpp"
 #include "rtpm/events/consumer.hpp"
 #include "rtpm/gvd/device_event.hpp"
-#include "rtpm/names/directory.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/semaphore.hpp"
@@ -69,10 +67,8 @@ struct ParameterRecorder::Impl final : events::EventHandler {
       : node(given_node),
         recorder(given_recorder),
         track(given_recorder.add_track()),
-        config(std::move(given)) {
-    for (const std::string& name : config.devices)
-      devices.try_emplace(name);
-  }
+        config(std::move(given)),
+        added_names(config.devices) {}
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
   ~Impl() override { stop(); }
@@ -94,15 +90,18 @@ struct ParameterRecorder::Impl final : events::EventHandler {
   void run() {
     subscribe();
     do {
-      list_devices();
+      take_added();
       for (auto& [name, device] : devices) {
         if (rt::now() >= end()) break;
         if (device.next_attempt <= rt::now()) look_at(name, device, std::nullopt);
       }
       const MonotonicTime next = rt::now() + kPollPeriod;
-      while (end() == kNever && rt::now() < next && wake.wait_until(next))
+      while (end() == kNever && rt::now() < next && wake.wait_until(next)) {
+        take_added();
         take_changes();
+      }
     } while (end() == kNever);
+    take_added();
     take_changes();
     write_missing();
   }
@@ -116,15 +115,15 @@ struct ParameterRecorder::Impl final : events::EventHandler {
     auto joined = events::Consumer::create(node, config.hub, std::move(wanted), *this);
     if (joined) consumer = std::move(*joined);
   }
-  /// Adds devices that started since, unless some were chosen.
-  void list_devices() {
-    if (!config.devices.empty()) return;
-    const auto entries = names::Directory(node, config.registry).list();
-    if (!entries) return;
-    for (const names::NameEntry& entry : *entries) {
-      if (entry.interface == device::DeviceClient::interface().name) {
-        devices.try_emplace(entry.name);
-      }
+  void take_added() {
+    std::vector<std::string> names;
+    {
+      const std::lock_guard lock(mutex);
+      names = std::exchange(added_names, {});
+    }
+    for (const std::string& name : names) {
+      const auto [device, is_new] = devices.try_emplace(name);
+      if (is_new && rt::now() < end()) look_at(name, device->second, std::nullopt);
     }
   }
   void take_changes() {
@@ -231,7 +230,9 @@ struct ParameterRecorder::Impl final : events::EventHandler {
   ParameterRecorderConfig config;
   std::map<std::string, Device> devices{};  ///< Used by the thread.
   rt::PiMutex mutex{};
-  std::map<events::SourceId, MonotonicTime> changed{};  ///< Guarded by `mutex`, like the next two.
+  /// Devices that the thread does not know yet. Guarded by `mutex`, like the next three.
+  std::vector<std::string> added_names;
+  std::map<events::SourceId, MonotonicTime> changed{};
   std::vector<std::string> reports{};
   MonotonicTime end_at = kNever;
   std::unique_ptr<events::Consumer> consumer{};  ///< Set under the mutex.
@@ -252,6 +253,14 @@ expected<std::unique_ptr<ParameterRecorder>, SetupError> ParameterRecorder::star
 ParameterRecorder::ParameterRecorder(std::unique_ptr<Impl> impl) noexcept
     : impl_(std::move(impl)) {}
 ParameterRecorder::~ParameterRecorder() = default;
+
+void ParameterRecorder::add(std::string device) {
+  {
+    const std::lock_guard lock(impl_->mutex);
+    impl_->added_names.push_back(std::move(device));
+  }
+  impl_->wake.post();
+}
 
 std::vector<std::string> ParameterRecorder::take_reports() {
   const std::lock_guard lock(impl_->mutex);

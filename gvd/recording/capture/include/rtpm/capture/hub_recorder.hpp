@@ -17,6 +17,8 @@
 
 namespace rtpm::capture {
 
+class ParameterRecorder;
+
 /// Settings for HubRecorder::create().
 struct HubRecorderConfig {
   std::string hub{events::kHubPath};            ///< A name or a URL.
@@ -25,6 +27,8 @@ struct HubRecorderConfig {
   events::Filter filter = events::everything();
   std::uint32_t every_nth = 1;  ///< Record only the first event, and then each n-th.
   Priority priority{};          ///< The hub's default if unset.
+  /// Gets each device of which an event is recorded; must outlive the HubRecorder. None if null.
+  ParameterRecorder* parameters = nullptr;
 };
 
 /// Records the events of a hub, and descriptions of the devices that push some of them. Each type

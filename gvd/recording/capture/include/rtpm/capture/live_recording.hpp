@@ -27,7 +27,8 @@ struct LiveRecordingConfig {
   /// any, the recorder takes messages of at least kPictureByteMax.
   std::vector<std::string> media{};
   std::optional<Session> session{};  ///< See check().
-  /// Only these devices and event types, see selection_of(); all if both are empty.
+  /// Only these devices and event types, see selection_of(); all if both are empty. Parameters are
+  /// recorded of these devices, and of each one of which an event is.
   std::vector<std::string> devices{};
   std::vector<std::string> topics{};
 };

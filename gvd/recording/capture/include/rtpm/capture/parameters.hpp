@@ -9,7 +9,6 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/configuration/client.hpp"
 #include "rtpm/events/defaults.hpp"
-#include "rtpm/names/defaults.hpp"
 #include "rtpm/recording/file_reader.hpp"
 #include "rtpm/recording/recorder.hpp"
 #include "rtpm/rpc/node.hpp"
@@ -18,16 +17,15 @@ namespace rtpm::capture {
 
 /// Settings for ParameterRecorder::start().
 struct ParameterRecorderConfig {
-  std::string hub{events::kHubPath};       ///< Reports changes; may be absent.
-  std::string registry{names::kThisHost};  ///< Name service of the devices.
-  std::vector<std::string> devices{};      ///< Their names; all at the registry if empty.
+  std::string hub{events::kHubPath};                   ///< Reports changes; may be absent.
+  std::vector<std::string> devices{};                  ///< The names of the first ones; see add().
   Duration deadline = std::chrono::milliseconds{300};  ///< Bounds each call.
 };
 
-/// Records the parameters of devices, which include the results of calibrations: all of them at the
-/// beginning, and again after each change. Topic "lab/arm0/parameters", the device's unchanged
-/// reply to `list`; its publish time is that of the change. A change is noticed by its event, or
-/// else within 2 s.
+/// Records the parameters of devices, which include the results of calibrations: all of them when
+/// the device is added, and again after each change. Topic "lab/arm0/parameters", the device's
+/// unchanged reply to `list`; its publish time is that of the change. A change is noticed by its
+/// event, or else within 2 s.
 /// @ownership owns a thread "rtpm-parameters"; refers to its node and recorder
 /// @threads  any
 /// @realtime none
@@ -41,9 +39,12 @@ class ParameterRecorder {
   ParameterRecorder& operator=(const ParameterRecorder&) = delete;
   ~ParameterRecorder();
 
+  /// Adds a device, by name; one that was added before has no effect. Call it before stop().
+  void add(std::string device);
   /// Messages since the last call: devices whose parameters could not be read.
   [[nodiscard]] std::vector<std::string> take_reports();
-  /// Records the changes that were reported, and ends. Call it before the recorder is closed.
+  /// Records the devices that were added and the changes that were reported, for at most a second,
+  /// and ends. Call it before the recorder is closed.
   void stop();
 
  private:
