@@ -71,7 +71,11 @@ void DeviceState::take(const DeviceProbe& probe, MonotonicTime now) {
   if (probe.link) link_ = probe.link;
   if (probe.descriptor) descriptor_ = probe.descriptor;
   if (!probe.url.empty()) url_ = probe.url;
-  if (probe.holder) holder_ = *probe.holder;
+  if (probe.holder) {
+    holder_ = *probe.holder;
+    held_since_.reset();
+    if (holder_->held_for > Duration{0}) held_since_ = now - holder_->held_for;
+  }
   if (probe.latency) {
     latency_.record(now, *probe.latency);
   } else {
@@ -123,14 +127,19 @@ void DeviceState::see_sequence(std::uint64_t sequence, MonotonicTime now) {
 
 Json DeviceState::lease_json(MonotonicTime now, std::optional<Duration> lease_left) const {
   const bool is_own = link_ && link_->lease() != 0;
+  const bool is_named = holder_ && holder_->is_held;
   std::string lease = "free";
+  std::optional<MonotonicTime> since = lease_since_;
   if (lease_ == gvd::LeaseState::kHeld) lease = "held";
-  // Without a hub nothing is known but by the device's server.
-  if (lease_ == gvd::LeaseState::kUnknown) lease = holder_.is_held ? "held" : "unknown";
+  // Before the first event, and without a hub, the device's server knows.
+  if (lease_ == gvd::LeaseState::kUnknown) {
+    lease = is_named ? "held" : holder_ ? "free" : "unknown";
+    since = held_since_;
+  }
   if (is_own) lease = "held by this console";
   return {{"state", lease},
-          {"holder", lease == "held" && holder_.is_held ? holder_.name : ""},
-          {"since_s", lease_since_ ? Json(seconds_of(now - *lease_since_)) : Json()},
+          {"holder", lease == "held" && is_named ? holder_->name : ""},
+          {"since_s", since ? Json(seconds_of(now - *since)) : Json()},
           {"ends_in_s", is_own && lease_left ? Json(seconds_of(*lease_left)) : Json()}};
 }
 

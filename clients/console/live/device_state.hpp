@@ -57,9 +57,10 @@ class DeviceState {
   [[nodiscard]] nlohmann::ordered_json lease_json(MonotonicTime now,
                                                   std::optional<Duration> lease_left) const;
 
-  gvd::LeaseState lease_ = gvd::LeaseState::kUnknown;
-  HolderView holder_{};
+  gvd::LeaseState lease_ = gvd::LeaseState::kUnknown;  ///< By its events.
   std::optional<MonotonicTime> lease_since_{};
+  std::optional<HolderView> holder_{};  ///< By the device's server; nullopt if that knows none.
+  std::optional<MonotonicTime> held_since_{};
   LatencyWindow latency_{};
 };
 
