@@ -8,10 +8,12 @@
 #include <cerrno>
 #include <cmath>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "rtpm/base/printable.hpp"
 #include "rtpm/exports/zip.hpp"
+#include "rtpm/recording/notes.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::console {
@@ -231,7 +233,9 @@ void DownloadDesk::show_choices(const PendingCall& call, const Json& request) {
             recording::FileReader::open(path.string(), recording::Incomplete::kRefuse, go_on);
         !reader) {
       problem = reader.error().text();
-    } else if (const auto choices = exports::choices_of(**reader, go_on)) {
+    } else if (auto notes = recording::read_notes(path.string()); !notes) {
+      problem = notes.error().text();
+    } else if (const auto choices = exports::choices_of(**reader, std::move(*notes), go_on)) {
       reply = {{"topics", choices->topics},
                {"trials", choices->trials},
                {"conditions", choices->conditions},
@@ -265,8 +269,9 @@ expected<std::shared_ptr<MadeFolder>, SetupError> DownloadDesk::make_folder() co
   return std::make_shared<MadeFolder>(path);
 }
 
-expected<DownloadDesk::Made, SetupError> DownloadDesk::make_tables(
-    const fs::path& recording, const exports::TableOptions& options, Making& making) const {
+expected<DownloadDesk::Made, SetupError> DownloadDesk::make_tables(const fs::path& recording,
+                                                                   exports::TableOptions options,
+                                                                   Making& making) const {
   if (is_ending_ || making.is_cancelled)
     return setup_error("the tables were not made", "it was stopped");
   auto folder = make_folder();
@@ -274,6 +279,9 @@ expected<DownloadDesk::Made, SetupError> DownloadDesk::make_tables(
   const auto reader = recording::FileReader::open(
       recording.string(), recording::Incomplete::kRefuse, progress(making, 0, 0));
   if (!reader) return unexpected{reader.error()};
+  auto notes = recording::read_notes(recording.string());
+  if (!notes) return unexpected{notes.error()};
+  options.notes = std::move(*notes);
   const fs::path tables = (*folder)->path() / "tables";
   const double table_part = options.is_joined ? 1 : kTablePart;
   auto report =

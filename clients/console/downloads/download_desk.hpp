@@ -72,7 +72,7 @@ class DownloadDesk {
   void finish(const PendingCall& call, const Key& key, expected<Made, SetupError> made);
   void show_choices(const PendingCall& call, const Json& request);
   [[nodiscard]] expected<Made, SetupError> make_tables(const std::filesystem::path& recording,
-                                                       const exports::TableOptions& options,
+                                                       exports::TableOptions options,
                                                        Making& making) const;
   [[nodiscard]] expected<std::shared_ptr<MadeFolder>, SetupError> make_folder() const;
   [[nodiscard]] recording::Progress progress(Making& making, double from, double to) const;

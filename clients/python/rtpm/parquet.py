@@ -53,6 +53,8 @@ class Report(NamedTuple):
 def export(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Report:
     """Writes a folder with one Parquet file per channel, and `recording.json` about them all.
 
+    Notes beside the recording become `notes.parquet`.
+
     The folder appears when it is complete; one that exists is an error.
     """
     target = Path(folder)
@@ -62,15 +64,35 @@ def export(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Repo
             raise FileExistsError(
                 f"{taken} exists already. Remedy: choose another name, or remove it."
             )
+    notes = _notes(path)
     with recordings.open(path) as recording:
         draft.mkdir()
         try:
             report = _export(recording, draft)
+            if notes:
+                times = np.array([time_ns for time_ns, _ in notes], np.int64)
+                texts = pa.array([text for _, text in notes])
+                table = _with_times(recording, times, {"note": texts})
+                pq.write_table(table, draft / "notes.parquet")
             draft.rename(target)
         except BaseException:
             shutil.rmtree(draft, ignore_errors=True)
             raise
     return report
+
+
+def _notes(path: str | os.PathLike[str]) -> list[tuple[int, str]]:
+    """The notes that a person made beside the recording, by time."""
+    file = Path(f"{os.fspath(path)}.notes.json")
+    if not file.exists():
+        return []
+    try:
+        notes = json.loads(file.read_text())["notes"]
+        return sorted((int(note["time_ns"]), str(note["text"])) for note in notes)
+    except (ValueError, LookupError, TypeError) as problem:
+        raise errors.RecordingError(
+            f"the notes {file} can't be read: {problem!r}. Remedy: repair or remove that file."
+        ) from None
 
 
 def convert(tables: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Report:
@@ -181,7 +203,7 @@ def _export(recording: recordings.Recording, folder: Path) -> Report:
         if table is None:
             left_out.append((channel.topic, "its schema can't be read", channel.message_count))
             continue
-        name = _free_name(channel.topic, {entry["file"] for entry in entries})
+        name = _free_name(channel.topic, {"notes.parquet", *(entry["file"] for entry in entries)})
         pq.write_table(table, folder / name)
         entries.append(
             {

@@ -279,6 +279,26 @@ def test_the_readme_names_the_readers() -> None:
     }
 
 
+def test_parquet_files_have_the_notes(laboratory: Laboratory, file: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+    import pyarrow.parquet as pq
+    from rtpm import parquet
+
+    run = shutil.copy(file, tmp_path / "run.mcap")
+    with rtpm.open(run) as recording:
+        begin_ns = recording.start_ns
+    beside = tmp_path / "run.mcap.notes.json"
+    notes = [{"time_ns": begin_ns + 500_000_000, "text": "slipped, left", "made_ns": 1}]
+    beside.write_text(json.dumps({"notes": notes}))
+    parquet.export(run, tmp_path / "out")
+    rows = pq.read_table(tmp_path / "out" / "notes.parquet").to_pylist()
+    assert [(row["seconds [s]"], row["note"]) for row in rows] == [(0.5, "slipped, left")]
+    beside.write_text("[]")
+    with pytest.raises(rtpm.RecordingError, match="can't be read"):
+        parquet.export(run, tmp_path / "second")
+    assert not (tmp_path / "second").exists()
+
+
 def test_an_export_refuses_what_exists(laboratory: Laboratory, file: Path, tmp_path: Path) -> None:
     pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     from rtpm import parquet

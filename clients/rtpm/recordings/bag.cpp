@@ -19,6 +19,7 @@
 #include "rtpm/configuration/value_text.hpp"
 #include "rtpm/program/text.hpp"
 #include "rtpm/recording/file_reader.hpp"
+#include "rtpm/recording/notes.hpp"
 #include "rtpm/recording/repair.hpp"
 
 namespace rtpm::tool {
@@ -81,6 +82,8 @@ struct Info {
   std::vector<recording::Metadata> metadata{};
   std::vector<capture::RecordedParameters> parameters{};
   std::string parameters_problem{};  ///< Why they can't be read; empty if they can.
+  std::vector<recording::Note> notes{};
+  std::string notes_problem{};
 };
 
 Json parameters_json(const capture::RecordedParameters& recorded, bool is_whole) {
@@ -118,6 +121,9 @@ Json info_json(FileReader& reader, const BagRequest& request, const Info& info) 
   Json parameters = Json::array();
   for (const capture::RecordedParameters& one : info.parameters)
     parameters.push_back(parameters_json(one, request.shows_parameters));
+  Json notes = Json::array();
+  for (const recording::Note& note : info.notes)
+    notes.push_back({{"time_ns", note.time_ns}, {"text", note.text}, {"made_ns", note.made_ns}});
   Json json{{"file", request.file},
             {"byte_count", std::filesystem::file_size(request.file)},
             {"is_complete", reader.is_complete()},
@@ -128,6 +134,7 @@ Json info_json(FileReader& reader, const BagRequest& request, const Info& info) 
             {"session", nullptr},
             {"channels", std::move(channels)},
             {"parameters", std::move(parameters)},
+            {"notes", std::move(notes)},
             {"metadata", std::move(more)}};
   if (const auto session = capture::session_of(info.metadata)) {
     json["session"] = {{"participant", session->participant},
@@ -136,6 +143,7 @@ Json info_json(FileReader& reader, const BagRequest& request, const Info& info) 
                        {"notes", session->notes}};
   }
   if (!info.parameters_problem.empty()) json["parameters_problem"] = info.parameters_problem;
+  if (!info.notes_problem.empty()) json["notes_problem"] = info.notes_problem;
   return json;
 }
 
@@ -189,6 +197,19 @@ std::string text_of(const Info& info, bool is_whole) {
   return "\n" + aligned(rows, 3);
 }
 
+/// The notes that were made in a review, by the seconds from the recording's begin.
+std::string notes_text_of(const Info& info, std::uint64_t begin_ns) {
+  if (!info.notes_problem.empty()) return "\n" + info.notes_problem + "\n";
+  if (info.notes.empty()) return "";
+  std::vector<Row> rows{{"NOTE AT", "TEXT"}};
+  for (const recording::Note& note : info.notes) {
+    const auto after_ns = static_cast<std::int64_t>(note.time_ns - begin_ns);
+    rows.push_back({formatted("%.3f s", static_cast<double>(after_ns) * 1e-9),
+                    printable(note.text, kShownWhole)});
+  }
+  return "\n" + aligned(rows, 3);
+}
+
 std::string text_of(FileReader& reader, const BagRequest& request, const Info& info) {
   const recording::Statistics& statistics = reader.statistics();
   const auto session = capture::session_of(info.metadata);
@@ -210,6 +231,7 @@ std::string text_of(FileReader& reader, const BagRequest& request, const Info& i
   }
   text += aligned(rows, 3);
   text += text_of(info, request.shows_parameters);
+  text += notes_text_of(info, statistics.begin_ns);
   for (const recording::Metadata& one : info.metadata) {
     if (one.name == capture::kSessionMetadata) continue;
     text += "\n" + printable(one.name) + "\n";
@@ -237,6 +259,11 @@ int info(Context& context, const BagRequest& request) {
     info.parameters = std::move(*parameters);
   } else {
     info.parameters_problem = parameters.error().text();
+  }
+  if (auto notes = recording::read_notes(request.file)) {
+    info.notes = std::move(*notes);
+  } else {
+    info.notes_problem = notes.error().text();
   }
   if (context.json) {
     print_json(info_json(**reader, request, info));
@@ -416,11 +443,11 @@ class Actions {
 void add_bag(CLI::App& program, Context& context) {
   CLI::App& group = add_command_group(program, "bag", "Look at recordings, repair and cut them");
   Actions actions(group, context);
-  actions.add_parameters(actions.add(
-      "info", "Show the session, topics and parameters of a recording, and their counts",
-      "  rtpm bag info run.mcap\n"
-      "  rtpm bag info run.mcap --parameters\n",
-      &info));
+  actions.add_parameters(
+      actions.add("info", "Show the session, topics, parameters and notes of a recording",
+                  "  rtpm bag info run.mcap\n"
+                  "  rtpm bag info run.mcap --parameters\n",
+                  &info));
   actions.add("check", "Read all of a recording, and say what is wrong with it",
               "The exit code is 1 if something is wrong.\n", &check);
   actions.add_output(actions.add("recover",

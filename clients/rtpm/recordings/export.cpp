@@ -14,6 +14,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/exports/bids.hpp"
 #include "rtpm/exports/export.hpp"
+#include "rtpm/recording/notes.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -92,8 +93,9 @@ int report(const Context& context, const ExportRequest& request, const exports::
                 : request.is_csv && !request.tables.is_joined ? " files"
                                                               : " topics") +
                (done.row_count == 0 ? ""
-                : request.is_bids ? ", and " + std::to_string(done.row_count) + " trials and marks"
-                                  : ", as " + std::to_string(done.row_count) + " rows"));
+                : request.is_bids
+                    ? ", and " + std::to_string(done.row_count) + " trials, marks and notes"
+                    : ", as " + std::to_string(done.row_count) + " rows"));
     if (done.late_count > 0) {
       print_line(std::to_string(done.late_count) +
                  " values came more than 1 s after later ones; they are in the rows of when they "
@@ -115,13 +117,18 @@ expected<exports::Report, SetupError> convert(Context& context, const ExportRequ
       recording::FileReader::open(request.file, recording::Incomplete::kRefuse, show);
   if (!reader) return unexpected{reader.error()};
   if (request.is_ros2) return exports::export_ros2(**reader, output, show);
+  auto notes = recording::read_notes(request.file);
+  if (!notes) return unexpected{notes.error()};
   if (request.is_bids) {
     exports::BidsOptions options = request.bids;
+    options.notes = std::move(*notes);
     options.topics = request.tables.topics;
     options.rate_hz = request.tables.rate_hz;
     return exports::export_bids(**reader, output, options, show);
   }
-  return exports::export_csv(**reader, output, request.tables, show);
+  exports::TableOptions options = request.tables;
+  options.notes = std::move(*notes);
+  return exports::export_csv(**reader, output, options, show);
 }
 
 /// Tables that are chosen or joined are made as CSV first, which Python converts and removes.

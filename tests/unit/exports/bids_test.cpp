@@ -58,6 +58,17 @@ TEST_F(Bids, NamesFilesByTheRecordingsSession) {
   EXPECT_NE(file("dataset_description.json").find("BIDSVersion"), std::string::npos);
 }
 
+TEST_F(Bids, HasNotesAmongTheEvents) {
+  record(true);
+  const auto report =
+      exported({.notes = {{.time_ns = test::kBeginNs + 5'000'000, .text = "slipped,\tleft"}}});
+  ASSERT_TRUE(report) << report.error().text();
+  EXPECT_EQ(report->row_count, 1u);
+  EXPECT_EQ(file("sub-P07/beh/sub-P07_task-softtouch_events.tsv"),
+            "onset\tduration\ttrial_type\ttrial\tresponse\tresponse_time\tseed\tnote\n"
+            "0.005000000\t0\tnote\tn/a\tn/a\tn/a\tn/a\tslipped,\\tleft\n");
+}
+
 TEST_F(Bids, AddsRunsAndParticipants) {
   record(true);
   ASSERT_TRUE(exported({}));

@@ -207,6 +207,26 @@ TEST_F(CourseTables, KeepMarksAtARate) {
                   "4.000000000,2,hard,the end,3"}));
 }
 
+/// A person wrote them in a review, so they are beside the recording.
+TEST_F(CourseTables, HaveNotesAmongTheMarks) {
+  const TableOptions options{.columns = {"x"},
+                             .part = {.between = {{"=now", "slipped, left"}}},
+                             .is_joined = true,
+                             .notes = {{.time_ns = ns(3.2), .text = "slipped, left"},
+                                       {.time_ns = ns(1.8), .text = "=2+2\nas before"},
+                                       {.time_ns = ns(3.9), .text = "after the part"}}};
+  ASSERT_TRUE(exported(options));
+  EXPECT_EQ(
+      table("joined.csv"),
+      (Rows{"seconds [s],trial,condition,marker,lab/a.x [m]", "1.600000000,1,soft,\"'=now\",1",
+            "1.800000000,1,soft,\"'=2+2\\nas before\",1", "2.000000000,,,,1", "2.500000000,,,,2",
+            "3.000000000,2,hard,,2", "3.200000000,2,hard,\"slipped, left\",2"}));
+  EXPECT_EQ(recording::content_of(out_ + "/notes.csv"),
+            "time [UTC],seconds [s],note\r\n"
+            "2023-11-14T22:13:21.800000000Z,1.800000000,\"'=2+2\nas before\"\r\n"
+            "2023-11-14T22:13:23.200000000Z,3.200000000,\"slipped, left\"\r\n");
+}
+
 TEST_F(CourseTables, CanBeOfOneTrial) {
   ASSERT_TRUE(exported({.columns = {"x"}, .part = {.trial = 1}, .is_joined = true}));
   EXPECT_EQ(table("joined.csv"),

@@ -47,7 +47,7 @@ std::string label_of(std::string_view text) {
 
 /// A cell of a table whose columns are separated by tabs.
 std::string cell_of(std::string_view text) {
-  std::string cell = printable(text);
+  std::string cell = printable(text, kShownWhole);
   std::ranges::replace(cell, '\t', ' ');
   return cell.empty() ? kNothing : cell;
 }
@@ -158,7 +158,7 @@ class BidsExport {
         draft_(folder_.string() + ".part"),
         options_(options),
         progress_(progress),
-        course_(reader),
+        course_(reader, options.notes),
         begin_ns_(reader.statistics().begin_ns),
         end_ns_(reader.statistics().end_ns) {}
 
@@ -208,6 +208,8 @@ class BidsExport {
     }
     for (const TrialPairs::Trial& trial : trials_.rest())
       put_trial(trial);
+    for (const CourseEvent& note : course_.notes())
+      put_mark(note, "note");
     return write_events();
   }
 
@@ -329,12 +331,12 @@ class BidsExport {
       if (!event) {
         left_out_.add(reader_.channels().at(message.channel_id).topic, kBrokenMessage, 1);
       } else if (event->kind == CourseEvent::Kind::kMark) {
-        put_mark(*event);
+        put_mark(*event, "marker");
       } else if (const auto ended = trials_.add(std::move(*event))) {
         put_trial(*ended);
       }
       if (event_byte_count_ > kEventByteMax) {
-        return setup_error(what(), "its trials and marks need more than 256 MiB",
+        return setup_error(what(), "its trials, marks and notes need more than 256 MiB",
                            "cut the recording into parts by `rtpm bag cut`");
       }
       return {};
@@ -358,8 +360,8 @@ class BidsExport {
     events_.emplace_back(time_ns, std::move(line));
     ++report_.row_count;
   }
-  void put_mark(const CourseEvent& event) {
-    put(event.time_ns, seconds_text(event.time_ns, begin_ns_) + "\t0\tmarker\t" +
+  void put_mark(const CourseEvent& event, const char* type) {
+    put(event.time_ns, seconds_text(event.time_ns, begin_ns_) + "\t0\t" + type + "\t" +
                            (event.number == 0 ? kNothing : std::to_string(event.number)) + "\t" +
                            kNothing + "\t" + kNothing + "\t" + kNothing + "\t" +
                            cell_of(event.note) + "\n");
@@ -387,13 +389,16 @@ class BidsExport {
       texts_[stem + ".tsv"] = std::move(text);
       texts_[stem + ".json"] =
           Json{{"TaskName", task_name_},
-               {"trial_type", {{"Description", "The condition of a trial, or marker"}}},
+               {"trial_type",
+                {{"Description",
+                  "The condition of a trial, marker, or note (made after the recording)"}}},
                {"trial", {{"Description", "The number of the trial, from 1"}}},
                {"response", {{"Description", "The participant's response"}}},
                {"response_time",
                 {{"Description", "From the beginning of the trial to its end"}, {"Units", "s"}}},
                {"seed", {{"Description", "Of the trial's random numbers"}}},
-               {"note", {{"Description", "The label of a marker, or a note on a trial"}}}}
+               {"note",
+                {{"Description", "The label of a marker, the text of a note, or one on a trial"}}}}
               .dump(2) +
           "\n";
       scan_lines_ += fs::path(stem + ".tsv").lexically_relative(inside_).generic_string() + "\t" +

@@ -163,9 +163,34 @@ class Search {
   bool is_too_many_ = false;
 };
 
+/// Calls `take` for each event and note, in order of time.
+template <class Take>
+expected<void, SetupError> read_course(recording::FileReader& reader, Course& course,
+                                       const recording::Progress& progress, Take take) {
+  auto note = course.notes().begin();
+  const auto take_notes = [&](std::uint64_t until_ns) {
+    for (; note != course.notes().end() && note->time_ns < until_ns; ++note)
+      take(*note);
+  };
+  if (!course.channel_ids().empty()) {
+    const auto take_message = [&](const recording::Message& message) {
+      take_notes(message.log_time_ns);
+      if (auto event = course.read(message)) take(std::move(*event));
+      return true;
+    };
+    auto read = reader.read({.channel_ids = course.channel_ids()}, take_message, progress);
+    if (!read) return read;
+  }
+  take_notes(UINT64_MAX);
+  return {};
+}
+
 }  // namespace
 
-Course::Course(const recording::FileReader& reader) {
+Course::Course(const recording::FileReader& reader, std::vector<recording::Note> notes) {
+  std::ranges::stable_sort(notes, {}, &recording::Note::time_ns);
+  for (recording::Note& note : notes)
+    notes_.push_back({.time_ns = note.time_ns, .note = std::move(note.text)});
   for (const auto& [number, channel] : reader.channels()) {
     if (channel.topic == capture::kAnnotationTopic && channel.message_encoding == "json") {
       channels_.push_back(number);
@@ -266,14 +291,9 @@ expected<std::vector<Interval>, SetupError> intervals_of(recording::FileReader& 
   }
   if (!part.between && !part.trial && !part.condition) return std::vector<Interval>{whole};
   Search search(part);
-  if (!course.is_empty()) {
-    const auto take = [&](const recording::Message& message) {
-      if (auto event = course.read(message)) search.add(std::move(*event));
-      return true;
-    };
-    if (auto read = reader.read({.channel_ids = course.channel_ids()}, take, progress); !read)
-      return unexpected{read.error()};
-  }
+  auto read = read_course(reader, course, progress,
+                          [&](CourseEvent event) { search.add(std::move(event)); });
+  if (!read) return unexpected{read.error()};
   auto found = search.result();
   if (!found) return found;
   auto intervals = common({whole}, *found);
@@ -282,6 +302,7 @@ expected<std::vector<Interval>, SetupError> intervals_of(recording::FileReader& 
 }
 
 expected<TableChoices, SetupError> choices_of(recording::FileReader& reader,
+                                              std::vector<recording::Note> notes,
                                               const recording::Progress& progress) {
   TableChoices choices;
   for (const auto& [number, channel] : reader.channels()) {
@@ -289,26 +310,22 @@ expected<TableChoices, SetupError> choices_of(recording::FileReader& reader,
       choices.topics.push_back(channel.topic);
   }
   std::ranges::sort(choices.topics);
-  Course course(reader);
-  if (course.is_empty()) return choices;
+  Course course(reader, std::move(notes));
   const auto add = [](auto& known, auto& list, const auto& value) {
     if (list.size() < kSuggestedCountMax && known.insert(value).second) list.push_back(value);
   };
   std::set<std::uint32_t> trials;
   std::set<std::string> conditions;
   std::set<std::string> marks;
-  const auto take = [&](const recording::Message& message) {
-    const auto event = course.read(message);
-    if (event && event->kind == CourseEvent::Kind::kMark) {
-      add(marks, choices.marks, event->note);
-    } else if (event) {
-      add(trials, choices.trials, event->number);
-      if (!event->condition.empty()) add(conditions, choices.conditions, event->condition);
+  const auto read = read_course(reader, course, progress, [&](const CourseEvent& event) {
+    if (event.kind == CourseEvent::Kind::kMark) {
+      add(marks, choices.marks, event.note);
+      return;
     }
-    return true;
-  };
-  if (auto read = reader.read({.channel_ids = course.channel_ids()}, take, progress); !read)
-    return unexpected{read.error()};
+    add(trials, choices.trials, event.number);
+    if (!event.condition.empty()) add(conditions, choices.conditions, event.condition);
+  });
+  if (!read) return unexpected{read.error()};
   return choices;
 }
 

@@ -13,7 +13,7 @@
 
 namespace rtpm::exports {
 
-/// A trial's begin or end, or a mark, of an event rtpm.Trial or an annotation.
+/// A trial's begin or end, or a mark: of an event rtpm.Trial, an annotation, or a note.
 struct CourseEvent {
   enum class Kind : std::uint8_t { kMark, kBegin, kEnd };
   Kind kind = Kind::kMark;
@@ -27,15 +27,18 @@ struct CourseEvent {
   std::optional<std::uint64_t> duration_ns{};
 };
 
-/// The channels with the course of an experiment.
+/// The channels with the course of an experiment, and the notes about it.
 class Course {
  public:
-  explicit Course(const recording::FileReader& reader);
+  /// @param notes  those beside the recording
+  explicit Course(const recording::FileReader& reader, std::vector<recording::Note> notes = {});
   [[nodiscard]] const std::vector<std::uint16_t>& channel_ids() const noexcept { return channels_; }
   [[nodiscard]] bool has(std::uint16_t channel) const noexcept;
-  [[nodiscard]] bool is_empty() const noexcept { return channels_.empty(); }
+  [[nodiscard]] bool is_empty() const noexcept { return channels_.empty() && notes_.empty(); }
   /// The message of such a channel; nullopt if it is broken.
   [[nodiscard]] std::optional<CourseEvent> read(const recording::Message& message);
+  /// The notes as marks, in order of time.
+  [[nodiscard]] const std::vector<CourseEvent>& notes() const noexcept { return notes_; }
 
  private:
   /// The columns of rtpm.Trial.
@@ -55,6 +58,7 @@ class Course {
   };
 
   std::vector<std::uint16_t> channels_{};
+  std::vector<CourseEvent> notes_{};
   std::map<std::uint16_t, Trials> trials_{};  ///< Other channels have annotations.
   std::vector<std::string> cells_{};
 };

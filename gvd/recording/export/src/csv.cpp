@@ -137,7 +137,7 @@ class CsvExport {
         options_(options),
         progress_(progress),
         choice_(options),
-        course_(reader) {}
+        course_(reader, options.notes) {}
 
   expected<Report, SetupError> run() {
     if (auto known = read_facts(); !known) return unexpected{known.error()};
@@ -150,6 +150,7 @@ class CsvExport {
     for (const std::uint16_t number : course_.channel_ids()) {
       if (!tables_.contains(number)) query.channel_ids.push_back(number);
     }
+    if (auto written = write_notes(); !written) return unexpected{written.error()};
     if (!query.channel_ids.empty()) {
       if (auto written = write_all(query); !written) return unexpected{written.error()};
     }
@@ -288,7 +289,7 @@ class CsvExport {
       }
       table.lines += "\r\n";
     }
-    if (!course_.is_empty()) {
+    if (!course_.channel_ids().empty()) {
       trial_lines_ =
           "time [UTC],seconds [s],number,condition,response,seed,end [s],duration [s],note\r\n";
     }
@@ -323,7 +324,7 @@ class CsvExport {
     for (const TrialPairs::Trial& trial : trials_.rest()) {
       if (auto added = add_trial(trial); !added) return added;
     }
-    return course_.is_empty() ? done : append("trials.csv", trial_lines_);
+    return course_.channel_ids().empty() ? done : append("trials.csv", trial_lines_);
   }
 
   expected<void, SetupError> add(const recording::Message& message) {
@@ -384,6 +385,21 @@ class CsvExport {
     if (!table.header.empty()) lines += ',';
     lines += cells_of(table, message) + "\r\n";
     return flush(table.file, lines);
+  }
+
+  /// Writes the part's notes, which the joined table has among its marks, too.
+  expected<void, SetupError> write_notes() {
+    std::string lines;
+    for (const CourseEvent& note : course_.notes()) {
+      if (!is_inside(intervals_, note.time_ns)) continue;
+      if (options_.is_joined) push({.time_ns = note.time_ns, .event = note});
+      lines += time_text(note.time_ns) + "," +
+               seconds_text(note.time_ns, reader_.statistics().begin_ns) + ",";
+      append_text_cell(lines, printable_lines(note.note));
+      lines += "\r\n";
+    }
+    if (lines.empty()) return {};
+    return append("notes.csv", "time [UTC],seconds [s],note\r\n" + lines);
   }
 
   expected<void, SetupError> add_event(const CourseEvent& event) {
@@ -516,7 +532,7 @@ class CsvExport {
   std::vector<Interval> intervals_{};
   std::map<std::uint16_t, Table> tables_{};
   std::vector<std::unique_ptr<Sheet>> sheets_{};
-  std::set<std::string> names_{"joined.csv", "trials.csv"};
+  std::set<std::string> names_{"joined.csv", "trials.csv", "notes.csv"};
   std::set<std::string> joined_names_{};
   std::vector<std::string> cells_{};
   std::vector<Waiting> waiting_{};  ///< A heap.

@@ -7,6 +7,7 @@
 
 #include "rtpm/exports/export.hpp"
 #include "rtpm/recording/file_reader.hpp"
+#include "rtpm/recording/notes.hpp"
 
 namespace rtpm::exports {
 
@@ -21,8 +22,9 @@ struct BidsOptions {
   std::string task{};         ///< The experiment; "recording" if there is none.
   std::string session{};      ///< Left out if it is empty.
   std::optional<std::uint32_t> run{};
-  std::vector<std::string> topics{};  ///< Patterns of topics or of devices' names; empty: all.
-  double rate_hz = 0;                 ///< 0: each device's mean rate, rounded to 1 Hz.
+  std::vector<std::string> topics{};     ///< Patterns of topics or of devices' names; empty: all.
+  double rate_hz = 0;                    ///< 0: each device's mean rate, rounded to 1 Hz.
+  std::vector<recording::Note> notes{};  ///< Those beside the recording: further events.
 };
 
 /// Adds a recording to a data set in the layout of BIDS, a new one or one that exists: samples of

@@ -9,6 +9,7 @@
 
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/recording/file_reader.hpp"
+#include "rtpm/recording/notes.hpp"
 
 /// Recordings as files of other systems.
 namespace rtpm::exports {
@@ -50,6 +51,8 @@ struct TableOptions {
   bool is_joined = false;
   /// Rows at this rate, with the last value before each; 0: rows as recorded.
   double rate_hz = 0;
+  /// Those beside the recording: marks of the joined table and of `part`, and `notes.csv`.
+  std::vector<recording::Note> notes{};
 };
 
 /// The most rows of a table at a rate.
@@ -63,13 +66,16 @@ struct TableChoices {
   std::vector<std::string> marks{};
 };
 
+/// @param notes  those beside the recording, which are among its marks
 /// @errors   those of FileReader::read(); stopped
 /// @realtime never
 [[nodiscard]] expected<TableChoices, SetupError> choices_of(
-    recording::FileReader& reader, const recording::Progress& progress = {});
+    recording::FileReader& reader, std::vector<recording::Note> notes = {},
+    const recording::Progress& progress = {});
 
 /// Writes a folder with one CSV file per channel, or `joined.csv`; with `trials.csv` if the
-/// recording has trials; and with `recording.json`: the recording's times, channels and metadata.
+/// recording has trials; with `notes.csv` if there are notes in the part; and with
+/// `recording.json`: the recording's times, channels and metadata.
 /// The folder appears when it is complete. Memory does not depend on the recording's size.
 /// @errors   the folder exists or can't be written; a pattern, mark or trial that the recording
 ///           does not have; too many rows; those of FileReader::read(); stopped
