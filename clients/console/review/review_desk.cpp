@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "rtpm/base/printable.hpp"
+#include "rtpm/capture/cut.hpp"
 #include "rtpm/recording/notes.hpp"
-#include "rtpm/recording/repair.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/utc.hpp"
 
@@ -117,18 +117,8 @@ expected<OrderedJson, SetupError> change_notes(const std::string& path, const No
 expected<OrderedJson, SetupError> cut_file(const std::string& from, const std::string& to,
                                            const recording::Query& part,
                                            const recording::Progress& progress) {
-  const auto count = recording::cut(from, to, part, progress);
+  const auto count = capture::cut(from, to, part, progress);
   if (!count) return unexpected{count.error()};
-  auto notes = recording::read_notes(from);
-  if (!notes) return unexpected{notes.error()};
-  std::erase_if(*notes, [&part](const recording::Note& note) {
-    return note.time_ns < part.from_ns || note.time_ns > part.to_ns;
-  });
-  if (!notes->empty()) {
-    if (auto written = recording::write_notes(to, std::move(*notes)); !written) {
-      return unexpected{written.error()};
-    }
-  }
   return OrderedJson{{"file", fs::path(to).filename().string()}, {"message_count", *count}};
 }
 

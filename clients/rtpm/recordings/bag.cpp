@@ -14,6 +14,7 @@
 #include "devices/parameters.hpp"
 #include "recordings/commands.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/capture/cut.hpp"
 #include "rtpm/capture/parameters.hpp"
 #include "rtpm/capture/session.hpp"
 #include "rtpm/configuration/value_text.hpp"
@@ -393,8 +394,8 @@ int cut(Context& context, const BagRequest& request) {
   expected<std::uint64_t, SetupError> count{};
   {
     ProgressBar bar(context, "cutting");
-    count = recording::cut(request.file, request.output, *query,
-                           [&bar](auto done, auto whole) { return bar.show(done, whole); });
+    count = capture::cut(request.file, request.output, *query,
+                         [&bar](auto done, auto whole) { return bar.show(done, whole); });
   }
   if (!count) return context.fail(count.error());
   if (context.json) {
@@ -453,10 +454,13 @@ void add_bag(CLI::App& program, Context& context) {
   actions.add_output(actions.add("recover",
                                  "Save what is whole in a truncated or damaged recording",
                                  "  rtpm bag recover run.mcap -o saved.mcap\n", &recover));
-  CLI::App& cutting = actions.add("cut", "Copy a time or some topics of a recording",
-                                  "  rtpm bag cut run.mcap --from 10s --to 20s -o part.mcap\n"
-                                  "Schemas, metadata and attachments come along.\n",
-                                  &cut);
+  CLI::App& cutting =
+      actions.add("cut", "Copy a time or some topics of a recording",
+                  "  rtpm bag cut run.mcap --from 10s --to 20s -o part.mcap\n"
+                  "Schemas, metadata, attachments and notes come along, and at the\n"
+                  "begin of the part the descriptions, parameters and states of\n"
+                  "devices and the trials that held then: `rtpm play` plays it.\n",
+                  &cut);
   actions.add_output(cutting);
   actions.add_selection(cutting);
   add_export(group, context);

@@ -68,6 +68,14 @@ TEST_F(Sessions, AreRecordedShownAndTheirParametersSetAgain) {
             Json({{"safety.force_newton_max", 1.5}}));
   EXPECT_EQ(info["parameters"][1]["change_count"], 0);
 
+  // A part of it says as much.
+  const std::string part = folder_.path("part");
+  ASSERT_EQ(rtpm({"bag", "cut", path, "--from", "20ms", "-o", part}).exit_code, 0);
+  const Json of_part = Json::parse(rtpm({"bag", "info", part, "--json"}).output, nullptr, false);
+  EXPECT_EQ(of_part["session"], info["session"]);
+  EXPECT_EQ(of_part["parameters"].size(), 2u) << of_part["parameters"];
+  std::filesystem::remove(part);
+
   // As at the beginning; and again, when nothing differs.
   const auto restored = rtpm({"play", path, "--parameters"});
   EXPECT_EQ(restored.exit_code, 0) << restored.errors;

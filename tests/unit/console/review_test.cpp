@@ -12,9 +12,9 @@
 
 #include "../recording/recorded.hpp"
 #include "recording/folder.hpp"
+#include "rtpm/capture/cut.hpp"
 #include "rtpm/driver/sample.hpp"
 #include "rtpm/recording/notes.hpp"
-#include "rtpm/recording/repair.hpp"
 #include "rtpm/schema/dynamic.hpp"
 #include "rtpm/test/text.hpp"
 
@@ -382,7 +382,7 @@ TEST_F(ChangesOfRecordings, DeletedOnesGoAfterThirtyDays) {
 
 TEST_F(ChangesOfRecordings, CutHasTheOriginalsBytes) {
   const recording::Query part{.from_ns = 200 * kMs, .to_ns = 400 * kMs};
-  const auto count = recording::cut(folder_.path("run"), folder_.fresh("part"), part);
+  const auto count = capture::cut(folder_.path("run"), folder_.fresh("part"), part);
   ASSERT_TRUE(count) << count.error().text();
   auto whole = recording::FileReader::open(folder_.path("run"));
   auto cut = recording::FileReader::open(folder_.path("part"));

@@ -3,6 +3,7 @@
 #include <random>
 
 #include "recorded.hpp"
+#include "rtpm/recording/notes.hpp"
 
 namespace rtpm::recording {
 namespace {
@@ -165,8 +166,11 @@ TEST_F(Repair, CutsATimeAndAChannelAndKeepsTheRest) {
   ASSERT_TRUE(whole);
   const std::uint16_t touched = (*whole)->channels().begin()->first;
   const Query query{.from_ns = 10'000'000, .to_ns = 30'000'000, .channel_ids = {touched}};
+  ASSERT_TRUE(write_notes(from, {{.time_ns = 10'000'000, .text = "in the part"},
+                                 {.time_ns = 30'000'001, .text = "after it"}}));
   const auto count = cut(from, to, query);
   ASSERT_TRUE(count) << count.error().text();
+  EXPECT_EQ(*read_notes(to), (std::vector<Note>{{.time_ns = 10'000'000, .text = "in the part"}}));
   auto part = FileReader::open(to);
   ASSERT_TRUE(part) << part.error().text();
   EXPECT_EQ(read_all(**part), read_all(**whole, query));

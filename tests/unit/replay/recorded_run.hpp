@@ -120,6 +120,7 @@ class RunWriter {
                                 .publish_time_ns = time_ns,
                                 .data = data}));
   }
+  void write(const recording::Metadata& metadata) { EXPECT_TRUE(writer_->write(metadata)); }
   void close() { EXPECT_TRUE(writer_->close()); }
 
  private:

@@ -5,6 +5,7 @@
 #include "input_file.hpp"
 #include "rtpm/recording/file_reader.hpp"
 #include "rtpm/recording/file_writer.hpp"
+#include "rtpm/recording/notes.hpp"
 #include "rtpm/recording/repair.hpp"
 
 namespace rtpm::recording {
@@ -65,12 +66,18 @@ expected<void, SetupError> copy_extras(FileReader& reader, FileWriter& writer) {
 }  // namespace
 
 expected<std::uint64_t, SetupError> cut(const std::string& from, const std::string& to,
-                                        const Query& query, const Progress& progress) {
+                                        const Query& query, std::span<const Message> first,
+                                        const Progress& progress) {
   auto reader = FileReader::open(from, Incomplete::kRefuse, progress);
   if (!reader) return unexpected{reader.error()};
+  auto notes = read_notes(from);
+  if (!notes) return unexpected{notes.error()};
   auto made = NewRecording::create(to);
   if (!made) return unexpected{made.error()};
   Selection selection(**reader, made->writer());
+  for (const Message& message : first) {
+    if (auto taken = selection.take(message); !taken) return unexpected{taken.error()};
+  }
   const std::uint64_t stated = (*reader)->statistics().message_count;
   expected<void, SetupError> copied{};
   std::uint64_t count = 0;
@@ -88,7 +95,15 @@ expected<std::uint64_t, SetupError> cut(const std::string& from, const std::stri
   if (!read) return unexpected{read.error()};
   if (!copied) return unexpected{copied.error()};
   if (auto more = copy_extras(**reader, made->writer()); !more) return unexpected{more.error()};
-  return made->finish();
+  auto finished = made->finish();
+  std::erase_if(*notes, [&query](const Note& note) {
+    return note.time_ns < query.from_ns || note.time_ns > query.to_ns;
+  });
+  if (!finished || notes->empty()) return finished;
+  if (auto written = write_notes(to, std::move(*notes)); !written) {
+    return unexpected{written.error()};
+  }
+  return finished;
 }
 
 }  // namespace rtpm::recording

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -42,14 +43,17 @@ inline constexpr const char* kRecoveryMetadata = "rtpm.recovery";
 [[nodiscard]] expected<Recovery, SetupError> recover(const std::string& from, const std::string& to,
                                                      const Progress& progress = {});
 
-/// Writes a new recording of the messages that `query` selects, with their channels, and all
-/// metadata and attachments. It gets its name once complete.
+/// Writes a new recording of the messages that `query` selects, with their channels, the notes of
+/// that time, and all metadata and attachments. It gets its name once complete.
+/// capture::cut() makes a part that can be played.
+/// @param first  of the old recording's channels; the new one begins with them
 /// @return   the number of messages in the new recording
-/// @errors   those of FileReader::open() and read(); the new file exists, or cannot be written; it
-///           was stopped
+/// @errors   those of FileReader::open() and read(); the new file exists, or cannot be written; the
+///           notes can't be read; it was stopped
 /// @realtime never
 [[nodiscard]] expected<std::uint64_t, SetupError> cut(const std::string& from,
                                                       const std::string& to, const Query& query,
+                                                      std::span<const Message> first = {},
                                                       const Progress& progress = {});
 
 /// Reads a whole recording and lists its errors, one clause each, at most 100; empty if there are
