@@ -1,7 +1,9 @@
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -35,16 +37,16 @@ struct ExportRequest {
   std::vector<std::string> between{};
   CLI::App* command = nullptr;  ///< Which has the options.
 
-  /// Whether the command line has an option of tables, and one that only tables have.
-  [[nodiscard]] bool has_table_options() const {
-    return has_only_tables() || command->count("--topics") > 0 || command->count("--rate") > 0;
+  /// Whether the command line has one of these options.
+  [[nodiscard]] bool has(std::initializer_list<const char*> names) const {
+    return std::ranges::any_of(names, [&](const char* name) { return command->count(name) > 0; });
   }
-  [[nodiscard]] bool has_only_tables() const {
-    for (const char* const name :
-         {"--columns", "--joined", "--from", "--to", "--between", "--trial", "--condition"}) {
-      if (command->count(name) > 0) return true;
-    }
-    return false;
+  [[nodiscard]] bool has_part() const {
+    return has({"--from", "--to", "--between", "--trial", "--condition"});
+  }
+  [[nodiscard]] bool has_columns() const { return has({"--columns", "--joined"}); }
+  [[nodiscard]] bool has_table_options() const {
+    return has_columns() || has_part() || has({"--topics", "--rate"});
   }
 };
 
@@ -116,9 +118,12 @@ expected<exports::Report, SetupError> convert(Context& context, const ExportRequ
   const auto reader =
       recording::FileReader::open(request.file, recording::Incomplete::kRefuse, show);
   if (!reader) return unexpected{reader.error()};
-  if (request.is_ros2) return exports::export_ros2(**reader, output, show);
   auto notes = recording::read_notes(request.file);
   if (!notes) return unexpected{notes.error()};
+  if (request.is_ros2) {
+    const exports::Ros2Options options{.part = request.tables.part, .notes = std::move(*notes)};
+    return exports::export_ros2(**reader, output, options, show);
+  }
   if (request.is_bids) {
     exports::BidsOptions options = request.bids;
     options.notes = std::move(*notes);
@@ -139,23 +144,35 @@ int export_parquet(Context& context, const ExportRequest& request) {
   return become_python(context, {tables, request.output, "--tables"});
 }
 
+/// Why the format does not take one of the options; empty if it takes all.
+std::string refusal_of(const ExportRequest& request) {
+  if (request.is_bids && (request.has_columns() || request.has_part())) {
+    return "--bids takes --topics and --rate only; `rtpm bag cut` makes a part of a recording";
+  }
+  if (request.is_video && request.has_table_options()) {
+    return "topics, columns, parts and rates are not for --video; `rtpm bag cut` makes a part of a "
+           "recording";
+  }
+  if (request.is_ros2 && request.has({"--rate"})) {
+    return "--rate is not for --ros2, which has each message once, as it was recorded; use "
+           "`ros2 run topic_tools throttle` while it is played, or --csv with --rate";
+  }
+  if (request.is_ros2 && (request.has_columns() || request.has({"--topics"}))) {
+    return "topics and columns are not for --ros2; `rtpm bag cut --topics` makes a recording of "
+           "some "
+           "topics";
+  }
+  return {};
+}
+
 int run(Context& context, ExportRequest& request) {
   const int format_count = int{request.is_ros2} + int{request.is_csv} + int{request.is_parquet} +
                            int{request.is_video} + int{request.is_bids};
   if (format_count != 1)
     return context.fail("one of --ros2, --csv, --parquet, --bids and --video is required",
                         kMisused);
-  if (request.is_bids && request.has_only_tables()) {
-    return context.fail(
-        "--bids takes --topics and --rate only; `rtpm bag cut` makes a part of a "
-        "recording",
-        kMisused);
-  }
-  if ((request.is_ros2 || request.is_video) && request.has_table_options()) {
-    return context.fail(
-        "topics, columns, parts and rates are for --csv and --parquet; `rtpm bag cut` "
-        "makes a part of a recording",
-        kMisused);
+  if (const std::string why = refusal_of(request); !why.empty()) {
+    return context.fail(why, kMisused);
   }
   if (request.from)
     request.tables.part.from_s = std::chrono::duration<double>(*request.from).count();
@@ -184,19 +201,22 @@ void add_table_options(CLI::App& command, ExportRequest& request) {
       ->type_name("HZ")
       ->check(CLI::Range(1e-3, 1e6))
       ->group("Tables");
+}
+
+void add_part_options(CLI::App& command, ExportRequest& request) {
   add_duration(command, "--from", request.from, "Begin so long after the first message")
-      .group("Tables");
-  add_duration(command, "--to", request.to, "End so long after the first message").group("Tables");
+      .group("Part");
+  add_duration(command, "--to", request.to, "End so long after the first message").group("Part");
   command.add_option("--between", request.between, "From a mark to the next other one")
       ->type_name("LABEL LABEL")
       ->expected(2)
-      ->group("Tables");
-  command.add_option("--trial", tables.part.trial, "Only the trial with this number")
+      ->group("Part");
+  command.add_option("--trial", request.tables.part.trial, "Only the trial with this number")
       ->type_name("NUMBER")
-      ->group("Tables");
-  command.add_option("--condition", tables.part.condition, "Only trials of this condition")
+      ->group("Part");
+  command.add_option("--condition", request.tables.part.condition, "Only trials of this condition")
       ->type_name("TEXT")
-      ->group("Tables");
+      ->group("Part");
 }
 
 }  // namespace
@@ -206,6 +226,7 @@ void add_export(CLI::App& group, Context& context) {
   CLI::App& command = add_command(
       group, context, "export", "Convert a recording for ROS 2, or to tables",
       "  rtpm bag export run.mcap run_ros2.mcap --ros2\n"
+      "  rtpm bag export run.mcap trial3_ros2.mcap --ros2 --trial 3\n"
       "  rtpm bag export run.mcap tables --csv\n"
       "  rtpm bag export run.mcap tables --csv --joined --rate 100 --columns 'position_m.*'\n"
       "  rtpm bag export run.mcap tables --csv --joined --trial 3\n"
@@ -243,6 +264,7 @@ void add_export(CLI::App& group, Context& context) {
       ->needs(bids)
       ->group("BIDS");
   add_table_options(command, *request);
+  add_part_options(command, *request);
   request->command = &command;
 }
 

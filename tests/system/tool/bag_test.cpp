@@ -7,6 +7,7 @@
 
 #include "../../unit/recording/recorded.hpp"
 #include "programs.hpp"
+#include "rtpm/recording/notes.hpp"
 
 // `rtpm bag` on recordings, whole and broken.
 namespace rtpm::system_test {
@@ -57,6 +58,20 @@ TEST_F(Bag, InfoShowsTopicsCountsAndRates) {
   EXPECT_EQ(json["channels"][0]["message_count"], 50);
   EXPECT_NEAR(json["channels"][0]["rate_hz"].get<double>(), 50 / 0.099, 0.1);
   EXPECT_EQ(json["metadata"][0]["values"]["who"], "Ada");
+  EXPECT_TRUE(json["notes"].empty());
+}
+
+TEST_F(Bag, InfoShowsTheNotesOfAReview) {
+  const recording::Note note{.time_ns = 51'000'000, .text = "slipped\x1b[2J", .made_ns = 7};
+  ASSERT_TRUE(recording::write_notes(file_, {note}));
+  expect_text(bag({"info", file_}).output, {"NOTE AT", "0.050 s  slipped\\x1b[2J"});
+  const Json notes = json_of({"info", file_})["notes"];
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_EQ(notes[0]["time_ns"], 51'000'000);
+  EXPECT_EQ(notes[0]["text"], note.text);
+  recording::put_content(recording::notes_path(file_), "[]");
+  expect_text(bag({"info", file_}).output, {"notes.json' can't be read"});
+  EXPECT_FALSE(json_of({"info", file_})["notes_problem"].empty());
 }
 
 TEST_F(Bag, CheckReportsFaults) {
@@ -164,7 +179,17 @@ TEST_F(Bag, ExportRefusesBadInput) {
   expect_one_sentence(bag({"export", file_, other, "--csv", "--ros2"}), 2, {"one of --ros2"});
   expect_one_sentence(bag({"export", truncated(), other, "--csv"}), 1, {"recover"});
   expect_one_sentence(bag({"export", file_, file_, "--ros2"}), 1, {"exists already", "Remedy"});
+  expect_one_sentence(bag({"export", file_, other, "--ros2", "--rate", "100"}), 2,
+                      {"--rate is not for --ros2", "topic_tools throttle"});
+  expect_one_sentence(bag({"export", file_, other, "--ros2", "--columns", "x"}), 2,
+                      {"not for --ros2", "rtpm bag cut --topics"});
   EXPECT_FALSE(std::filesystem::exists(other));
+}
+
+TEST_F(Bag, ExportsAPartForRos2) {
+  const std::string part = folder_.fresh("ros2");
+  const Json json = json_of({"export", file_, part, "--ros2", "--from", "10ms", "--to", "30ms"}, 1);
+  EXPECT_EQ(json["message_count"], 10) << json;
 }
 
 }  // namespace

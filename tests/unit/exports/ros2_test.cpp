@@ -12,10 +12,10 @@ namespace {
 
 class Ros2 : public testing::Test {
  protected:
-  expected<Report, SetupError> exported() {
+  expected<Report, SetupError> exported(const Ros2Options& options = {}) {
     auto reader = recording::FileReader::open(file_);
     EXPECT_TRUE(reader) << reader.error().text();
-    auto report = export_ros2(**reader, out_);
+    auto report = export_ros2(**reader, out_, options);
     if (report) result_ = *recording::FileReader::open(out_);
     return report;
   }
@@ -67,6 +67,24 @@ TEST_F(Ros2, HasADevicesMessages) {
   EXPECT_EQ(messages<ros2::Joy>("/rtpm/lab/arm_0/joy")[0].axes, std::vector<float>{0.5f});
   // The status did not change within the second.
   EXPECT_EQ(messages<ros2::DiagnosticArray>("/diagnostics").size(), 1u);
+}
+
+TEST_F(Ros2, CanBeOfAPartThatBeginsWithTheDescription) {
+  test::Example example(file_);
+  example.put_arm(20);
+  example.end();
+  const auto at = [](std::uint64_t ms) { return test::kBeginNs + ms * 1'000'000; };
+  const Ros2Options options{
+      .part = {.to_s = 0.015, .between = {{"slipped", "again"}}},
+      .notes = {{.time_ns = at(10), .text = "slipped"}, {.time_ns = at(17), .text = "again"}}};
+  const auto report = exported(options);
+  ASSERT_TRUE(report) << report.error().text();
+  EXPECT_EQ(result_->statistics().begin_ns, at(10));
+  EXPECT_EQ(result_->statistics().end_ns, at(14));
+  EXPECT_EQ(messages<ros2::PoseStamped>("/rtpm/lab/arm_0/pose").size(), 5u);
+  EXPECT_EQ(messages<ros2::String>("/rtpm/lab/arm_0/description").size(), 1u);
+  EXPECT_EQ(messages<ros2::DiagnosticArray>("/diagnostics").size(), 1u);
+  EXPECT_EQ(report->message_count, 6u);
 }
 
 TEST_F(Ros2, HasChannelsAsRosbag2WritesThem) {

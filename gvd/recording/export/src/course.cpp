@@ -27,6 +27,8 @@ constexpr std::size_t kIntervalCountMax = std::size_t{1} << 20;
 constexpr std::size_t kSuggestedCountMax = 1000;
 /// A sender's clock that is off by more has been set meanwhile.
 constexpr std::uint64_t kClockErrorMaxNs = 60'000'000'000;
+/// The time before and after a part that is read, too.
+constexpr std::uint64_t kLeadNs = 5'000'000'000;
 
 std::uint64_t number_in(const std::string& text) {
   std::uint64_t number = 0;
@@ -327,6 +329,13 @@ expected<TableChoices, SetupError> choices_of(recording::FileReader& reader,
   });
   if (!read) return unexpected{read.error()};
   return choices;
+}
+
+recording::Query query_of(const std::vector<Interval>& intervals) {
+  const std::uint64_t from_ns = intervals.front().from_ns;
+  const std::uint64_t to_ns = intervals.back().to_ns;
+  return {.from_ns = from_ns - std::min(from_ns, kLeadNs),
+          .to_ns = to_ns > UINT64_MAX - kLeadNs ? UINT64_MAX : to_ns + kLeadNs};
 }
 
 bool is_inside(const std::vector<Interval>& intervals, std::uint64_t time_ns) noexcept {

@@ -92,6 +92,10 @@ struct Interval {
     recording::FileReader& reader, Course& course, const Part& part,
     const recording::Progress& progress);
 
+/// Selects the messages of the intervals on all channels, and those of 5 s before and after: they
+/// may come late, and values hold.
+[[nodiscard]] recording::Query query_of(const std::vector<Interval>& intervals);
+
 /// Whether `time_ns` is inside one of the intervals.
 [[nodiscard]] bool is_inside(const std::vector<Interval>& intervals,
                              std::uint64_t time_ns) noexcept;

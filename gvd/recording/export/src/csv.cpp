@@ -31,8 +31,6 @@ constexpr std::size_t kHeldByteMax = std::size_t{1} << 16;
 /// Values wait for earlier ones of other topics, so long and so many bytes in all.
 constexpr std::uint64_t kOrderNs = 1'000'000'000;
 constexpr std::size_t kOrderByteMax = std::size_t{1} << 26;
-/// A part's rows begin with the values of this time before it.
-constexpr std::uint64_t kLeadNs = 5'000'000'000;
 /// Names that are kept for a suggestion.
 constexpr std::size_t kNameCountMax = 4096;
 
@@ -141,7 +139,7 @@ class CsvExport {
 
   expected<Report, SetupError> run() {
     if (auto known = read_facts(); !known) return unexpected{known.error()};
-    recording::Query query;
+    recording::Query query = query_of(intervals_);
     for (const auto& [number, channel] : reader_.channels()) {
       if (open(number, channel)) query.channel_ids.push_back(number);
     }
@@ -303,11 +301,7 @@ class CsvExport {
     return name;
   }
 
-  expected<void, SetupError> write_all(recording::Query query) {
-    const std::uint64_t from_ns = intervals_.front().from_ns;
-    const std::uint64_t to_ns = intervals_.back().to_ns;
-    query.from_ns = from_ns - std::min(from_ns, kLeadNs);
-    query.to_ns = to_ns > UINT64_MAX - kLeadNs ? UINT64_MAX : to_ns + kLeadNs;
+  expected<void, SetupError> write_all(const recording::Query& query) {
     auto done = read_all(reader_, query, progress_, "'" + folder_.string() + "' was not written",
                          [this](const recording::Message& message) { return add(message); });
     if (!done) return done;

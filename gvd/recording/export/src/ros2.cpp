@@ -3,7 +3,9 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include "course.hpp"
 #include "left_out.hpp"
 #include "read_all.hpp"
 #include "recorded_devices.hpp"
@@ -42,6 +44,7 @@ struct Texts {
   std::uint16_t topic = 0;
   std::unique_ptr<Rows> rows{};  ///< nullptr: the messages are JSON.
   bool is_picture = false;
+  bool is_state = false;  ///< Its last message holds until the next one.
 };
 
 /// The messages of Foxglove with a compressed picture.
@@ -52,17 +55,22 @@ bool is_picture(const std::string& type) {
 class Ros2Export {
  public:
   Ros2Export(recording::FileReader& reader, recording::FileWriter& writer,
-             const recording::Progress& progress)
-      : reader_(reader), writer_(writer), topics_(writer), progress_(progress) {}
+             const Ros2Options& options, const recording::Progress& progress)
+      : reader_(reader), writer_(writer), options_(options), topics_(writer), progress_(progress) {}
 
   expected<Report, SetupError> run() {
     auto devices = read_devices(reader_, progress_);
     if (!devices) return unexpected{devices.error()};
     devices_ = *std::move(devices);
-    recording::Query query;
+    Course course(reader_, options_.notes);
+    auto intervals = intervals_of(reader_, course, options_.part, progress_);
+    if (!intervals) return unexpected{intervals.error()};
+    intervals_ = *std::move(intervals);
+    recording::Query query = query_of(intervals_);
     for (const auto& [number, channel] : reader_.channels()) {
       if (open(number, channel)) query.channel_ids.push_back(number);
     }
+    if (auto written = write_states(); !written) return unexpected{written.error()};
     if (!query.channel_ids.empty()) {
       if (auto written = write_all(query); !written) return unexpected{written.error()};
     }
@@ -133,9 +141,9 @@ class Ros2Export {
     }
     const std::string name = "/rtpm/" + ros2::ros_name(channel.topic);
     if (name.size() > ros2::kTopicSizeMax) return "its name is too long for ROS 2";
-    const bool is_state =
-        capture::value_of(channel, capture::kKindKey) == capture::kDescriptionKind;
-    const Durability durability = is_state ? Durability::kTransientLocal : Durability::kVolatile;
+    texts.is_state = capture::value_of(channel, capture::kKindKey) == capture::kDescriptionKind;
+    const Durability durability =
+        texts.is_state ? Durability::kTransientLocal : Durability::kVolatile;
     const auto topic = texts.is_picture
                            ? topics_.add<ros2::CompressedImage>(name, channel.topic, durability)
                            : topics_.add<ros2::String>(name, channel.topic, durability);
@@ -147,7 +155,41 @@ class Ros2Export {
 
   expected<void, SetupError> write_all(const recording::Query& query) {
     return read_all(reader_, query, progress_, "the recording was not exported",
-                    [this](const recording::Message& message) { return convert(message); });
+                    [this](const recording::Message& message) {
+                      if (!is_inside(intervals_, time_of(message))) {
+                        return expected<void, SetupError>{};
+                      }
+                      return convert(message);
+                    });
+  }
+
+  /// Writes the last state before the part of each topic that has one, at the part's begin.
+  expected<void, SetupError> write_states() {
+    const std::uint64_t from_ns = intervals_.front().from_ns;
+    recording::Query before{.to_ns = from_ns - std::min<std::uint64_t>(from_ns, 1)};
+    for (const auto& [number, texts] : texts_) {
+      if (texts.is_state) before.channel_ids.push_back(number);
+    }
+    if (from_ns <= reader_.statistics().begin_ns || before.channel_ids.empty()) return {};
+    std::map<std::uint16_t, std::vector<std::byte>> last;
+    const auto read = reader_.read(
+        before,
+        [&](const recording::Message& message) {
+          if (time_of(message) < from_ns) {
+            last[message.channel_id].assign(message.data.begin(), message.data.end());
+          }
+          return true;
+        },
+        progress_);
+    if (!read) return read;
+    for (const auto& [number, bytes] : last) {
+      auto written = convert({.channel_id = number,
+                              .log_time_ns = from_ns,
+                              .publish_time_ns = from_ns,
+                              .data = bytes});
+      if (!written) return written;
+    }
+    return {};
   }
 
   expected<void, SetupError> convert(const recording::Message& message) {
@@ -238,6 +280,8 @@ class Ros2Export {
 
   recording::FileReader& reader_;
   recording::FileWriter& writer_;
+  const Ros2Options& options_;
+  std::vector<Interval> intervals_{};
   Ros2Topics topics_;
   const recording::Progress& progress_;
   std::map<std::string, driver::Descriptor> devices_{};
@@ -250,10 +294,11 @@ class Ros2Export {
 }  // namespace
 
 expected<Report, SetupError> export_ros2(recording::FileReader& reader, const std::string& path,
+                                         const Ros2Options& options,
                                          const recording::Progress& progress) {
   auto made = recording::NewRecording::create(path, {.profile = "ros2"});
   if (!made) return unexpected{made.error()};
-  auto report = Ros2Export(reader, made->writer(), progress).run();
+  auto report = Ros2Export(reader, made->writer(), options, progress).run();
   if (!report) return report;
   if (const auto finished = made->finish(); !finished) return unexpected{finished.error()};
   return report;

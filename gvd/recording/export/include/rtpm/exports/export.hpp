@@ -85,12 +85,20 @@ struct TableChoices {
                                                       const TableOptions& options = {},
                                                       const recording::Progress& progress = {});
 
-/// Writes a recording of the profile `ros2`, whose messages are of ROS 2's standard types only.
-/// @errors   the file exists or can't be written; two names become the same in ROS 2; those of
-///           FileReader::read(); stopped
+/// Chooses the messages for ROS 2.
+struct Ros2Options {
+  Part part{};
+  std::vector<recording::Note> notes{};  ///< Those beside the recording: marks of `part`.
+};
+
+/// Writes a recording of the profile `ros2`, whose messages are of ROS 2's standard types only. One
+/// of a part begins with the descriptions of the devices.
+/// @errors   the file exists or can't be written; two names become the same in ROS 2; a mark or
+///           trial that the recording does not have; those of FileReader::read(); stopped
 /// @realtime never
 [[nodiscard]] expected<Report, SetupError> export_ros2(recording::FileReader& reader,
                                                        const std::string& path,
+                                                       const Ros2Options& options = {},
                                                        const recording::Progress& progress = {});
 
 }  // namespace rtpm::exports
