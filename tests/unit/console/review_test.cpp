@@ -10,12 +10,14 @@
 #include <memory>
 #include <trial.rtpm.events.hpp>
 
-#include "../recording/recorded.hpp"
+#include "../exports/example_recording.hpp"
 #include "recording/folder.hpp"
 #include "rtpm/capture/cut.hpp"
 #include "rtpm/driver/sample.hpp"
 #include "rtpm/recording/notes.hpp"
 #include "rtpm/schema/dynamic.hpp"
+#include "rtpm/test/memory.hpp"
+#include "rtpm/test/os.hpp"
 #include "rtpm/test/text.hpp"
 
 // The review of a recording: its overview, its windows, and what happened in it.
@@ -197,6 +199,20 @@ TEST_F(ReviewOfARecording, ReadsOnlyTheChunksOfAWindow) {
   early.begin_ns = kBeginNs;
   early.end_ns = kBeginNs + 100 * kMs;
   EXPECT_FALSE(review->read(early, {}));
+}
+
+TEST_F(ReviewOfARecording, TakesLittleMemoryForALargeOne) {
+  if (test::kHasSanitizer) GTEST_SKIP() << "sanitizers keep freed memory";
+  exports::test::Example example(folder_.fresh("run"));
+  exports::test::put_large(example);
+  example.end();
+  const test::PeakMemory memory;
+  if (!memory.is_known()) GTEST_SKIP() << "this system does not measure the peak of memory";
+  const auto review = open();
+  ASSERT_TRUE(review);
+  ASSERT_TRUE(review->read_overview({}));
+  // The overview, and one chunk at a time with its index.
+  EXPECT_LE(memory.growth(), std::size_t{16 + 8} << 20);
 }
 
 TEST_F(ReviewOfARecording, ThinsAMillionMarkersAndSaysSo) {

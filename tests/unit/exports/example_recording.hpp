@@ -147,4 +147,22 @@ class Example {
   [[nodiscard]] recording::FileWriter& writer() { return *writer_; }
 };
 
+/// Puts more than 256 MiB, which need little space: an arm's samples, and then a text of 64 KiB
+/// each millisecond.
+inline void put_large(Example& example) {
+  constexpr std::size_t kTextSize = std::size_t{64} << 10;
+  constexpr std::size_t kTextCount = 4096;
+  example.put_arm(1000);
+  std::string error;
+  const auto dynamic = schema::Dynamic::make_for_event(kSchema, "lab.Trial", error);
+  ASSERT_NE(dynamic, nullptr) << error;
+  const std::uint16_t texts = example.add(*dynamic, "lab.Trial", "lab.Trial/3", {});
+  const std::string text(kTextSize, 'a');
+  const auto bytes =
+      dynamic->encode(dynamic->event(), R"({"number":7,"response":")" + text + R"("})", error);
+  ASSERT_TRUE(bytes) << error;
+  for (std::size_t i = 0; i < kTextCount; ++i)
+    example.put(texts, *bytes);
+}
+
 }  // namespace rtpm::exports::test

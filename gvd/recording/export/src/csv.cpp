@@ -431,6 +431,7 @@ class CsvExport {
 
   void push(Waiting waiting) {
     waiting.order = ++order_;
+    waiting.cells.shrink_to_fit();  // Spare capacity would be as large again.
     waiting_byte_count_ += waiting.byte_count();
     waiting_.push_back(std::move(waiting));
     std::push_heap(waiting_.begin(), waiting_.end());
