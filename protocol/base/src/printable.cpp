@@ -86,6 +86,13 @@ std::string escaped(std::string_view text, std::size_t size_max, bool keeps_line
   std::string shown;
   std::size_t at = 0;
   while (at < text.size()) {
+    // Most text is ASCII: its runs are copied at once.
+    std::size_t end = at;
+    while (end < std::min(text.size(), size_max) && text[end] >= ' ' && text[end] <= '~')
+      ++end;
+    shown.append(text, at, end - at);
+    at = end;
+    if (at == text.size()) break;
     Character character = first_of(text.substr(at));
     const bool is_broken = character.size == 0;
     if (is_broken) character = {byte_of(text[at]), 1};
