@@ -14,10 +14,10 @@ import './styles/views.css';
 import './styles/overview.css';
 import './styles/exports.css';
 import './styles/session.css';
+import './styles/charts.css';
 import './styles/plots.css';
 import './styles/review.css';
 import './styles/incidents.css';
-import 'uplot/dist/uPlot.min.css';
 
 const nowMs = () => performance.now();
 const token = takeToken();

@@ -1,5 +1,6 @@
 import {describe, expect, it} from 'vitest';
-import {bin, gapOf, kNoPast, Ring, valuesAt, type Past} from '../src/model/bins';
+import {binned, boundsOf, gapOf, kNoPast, valueAt, type Past} from '../src/model/points';
+import {Series} from '../src/store/series';
 import {fieldReader, liveTopicOf, splitPath, subjectOf, unitOf} from '../src/model/fields';
 import {
   decode,
@@ -162,9 +163,9 @@ describe('axes', () => {
 
 describe('curves', () => {
   const ring = (...rows: (readonly [number, number])[]) => {
-    const made = new Ring(1000);
-    for (const [time, value] of rows) made.push(time, value);
-    return made;
+    const made = new Series(1000, 1, Float64Array);
+    for (const [time, value] of rows) made.push(time, [value]);
+    return made.column(0);
   };
   const past = (beginS: number, stepS: number, ...values: number[]): Past => ({
     stepS,
@@ -172,9 +173,13 @@ describe('curves', () => {
     low: Float32Array.from(values),
     high: Float32Array.from(values, (value) => value + 1),
   });
-  /** The values of the first curve that are there, gaps as null. */
-  const shown = (curve: Parameters<typeof bin>[0][number], beginS: number, endS: number) =>
-    bin([curve], beginS, endS, 10).values[0]?.filter((value) => value !== undefined);
+  /** The lowest and highest values of the columns, gaps as null. */
+  const shown = (curve: Parameters<typeof binned>[0], beginS: number, endS: number) => {
+    const {low, high} = binned(curve, beginS, endS, 10);
+    return low.flatMap((value, i) =>
+      Number.isNaN(value) ? [null] : value === high[i] ? [value] : [value, high[i]],
+    );
+  };
 
   it('have the recorded past before what came, each value once', () => {
     const curve = {ring: ring([12.05, 5], [12.95, 6], [13.5, 7]), past: past(10, 1, 1, 2, 3, 4)};
@@ -195,23 +200,32 @@ describe('curves', () => {
 
   it('keep the lowest and the highest of a column', () => {
     const rows = Array.from({length: 600}, (_, i) => [i / 60, Math.sin(i)] as const);
-    const binned = bin([{ring: ring(...rows), past: kNoPast}], 0, 10, 10);
-    const [low, high] = valuesAt(binned, 0, 5.5) ?? [];
+    const points = binned({ring: ring(...rows), past: kNoPast}, 0, 10, 10);
+    expect(points.times.length).toBeLessThanOrEqual(12);
+    const {low, high} = valueAt(points, 5.5) ?? {};
     expect(low).toBeLessThan(-0.99);
     expect(high).toBeGreaterThan(0.99);
-    expect(valuesAt(binned, 0, -100)).toBeNull();
+    expect(boundsOf(points, 5, 5.9)?.high).toBe(high);
+    expect(valueAt(points, -100)).toBeNull();
+  });
+
+  it('have no value in a gap', () => {
+    const rows = ring([10, 1], [10.2, 1], [10.4, 1], [17, 9]);
+    const points = binned({ring: rows, past: kNoPast}, 10, 20, 100);
+    expect(valueAt(points, 10.5)).toEqual({low: 1, high: 1});
+    expect(valueAt(points, 16.9)).toBeNull();
+    expect(valueAt(points, 17.1)).toEqual({low: 9, high: 9});
   });
 
   it('stay connected where values are rare', () => {
     const rare = {ring: ring([0, 1], [10, 2], [20, 3], [30, 4]), past: kNoPast};
     expect(gapOf(rare)).toBe(40);
-    expect(bin([rare], 0, 40, 100).values[0]).not.toContain(null);
+    expect(shown(rare, 0, 40)).not.toContain(null);
   });
 
   it('begin anew where the clock was set back', () => {
-    const rows = ring([100, 1], [101, 2], [50, 3]);
+    const rows = ring([100, 1], [101, 2], [50, 3], [49.9, 4]);
+    // The last one came late.
     expect([rows.size, rows.timeAt(0), rows.valueAt(0)]).toEqual([1, 50, 3]);
-    rows.push(49.9, 4); // It came late.
-    expect(rows.size).toBe(1);
   });
 });

@@ -5,16 +5,15 @@ import {
   cutName,
   firstFields,
   originOf,
-  rangeOf,
   readCurves,
   readRun,
   search,
   secondsSince,
   shortName,
   timeNsAt,
-  valueAt,
   withEnding,
 } from '../src/model/review';
+import {boundsOf, valueAt} from '../src/model/points';
 import {parseJson} from '../src/protocol/json';
 
 const kBegin = 1_700_000_000_000_000_123n;
@@ -81,10 +80,10 @@ describe('curves', () => {
   });
 
   it('have bounds in a part', () => {
-    expect(rangeOf(steps, 0, 10)).toEqual({low: -3, high: 5});
-    expect(rangeOf(steps, 1, 1.4)).toEqual({low: 1, high: 2});
-    expect(rangeOf(samples, 1, 1.001)).toEqual({low: 8, high: 8});
-    expect(rangeOf(samples, 5, 6)).toBeNull();
+    expect(boundsOf(steps, 0, 10)).toEqual({low: -3, high: 5});
+    expect(boundsOf(steps, 1, 1.4)).toEqual({low: 1, high: 2});
+    expect(boundsOf(samples, 1, 1.001)).toEqual({low: 8, high: 8});
+    expect(boundsOf(samples, 5, 6)).toBeNull();
   });
 });
 

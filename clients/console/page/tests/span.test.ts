@@ -1,4 +1,5 @@
 import {describe, expect, it} from 'vitest';
+import {boundsText, decadeAxis, linearAxis, shareOfValue, withMargin} from '../src/model/axis';
 import {
   centred,
   digitsFor,
@@ -11,8 +12,6 @@ import {
   stepFor,
   ticksOf,
   timeAt,
-  valueAxis,
-  valueText,
   within,
   zoomed,
 } from '../src/model/span';
@@ -82,16 +81,28 @@ describe('labels', () => {
   });
 
   it('of values surround them', () => {
-    const axis = valueAxis(-1, 1, 5);
-    expect(axis.low).toBeLessThan(-1);
-    expect(axis.high).toBeGreaterThan(1);
-    expect(axis.ticks).toEqual([-1, -0.5, 0, 0.5, 1]);
-    // A constant still has an axis with a height.
-    const flat = valueAxis(5, 5, 5);
-    expect(flat.high).toBeGreaterThan(flat.low);
-    expect(valueAxis(Infinity, -Infinity, 5).ticks).toEqual([]);
-    expect(valueText(-0.012_345)).toBe('−0.01235');
-    expect(valueText(1234.56)).toBe('1235');
-    expect(valueText(NaN)).toBe('–');
+    const scale = {unit: 'mm', factor: 1000, digits: 1};
+    const axis = linearAxis(withMargin({low: -0.001, high: 0.001}, 0), scale, 5);
+    expect(axis.low).toBeLessThan(-0.001);
+    expect(axis.high).toBeGreaterThan(0.001);
+    // Round in the shown unit, and where the measured value is.
+    expect(axis.ticks.map((one) => one.text)).toEqual(['−1.0', '−0.5', '0.0', '0.5', '1.0']);
+    expect(shareOfValue(axis, axis.ticks[2]?.value ?? NaN)).toBeCloseTo(0.5, 9);
+    // A constant still has an axis with a height, and so has nothing.
+    for (const bounds of [{low: 5, high: 5}, null]) {
+      const flat = withMargin(bounds, 0);
+      expect(flat.high).toBeGreaterThan(flat.low);
+    }
+    expect(boundsText({low: 0.001, high: 0.0025}, scale)).toBe('1.0 … 2.5');
+    expect([boundsText({low: -1, high: -1}, scale), boundsText(null, scale)]).toEqual([
+      '−1000.0',
+      '–',
+    ]);
+  });
+
+  it('of latencies are at powers of ten', () => {
+    const axis = decadeAxis({low: 40, high: 90}, {unit: 'µs', factor: 1, digits: 0});
+    expect(axis.ticks.map((one) => one.text)).toEqual(['10 µs', '100 µs', '1 ms']);
+    expect(shareOfValue(axis, axis.low)).toBe(0);
   });
 });

@@ -1,12 +1,17 @@
-import {useEffect, useRef} from 'preact/hooks';
-import uPlot from 'uplot';
+import {signal, useSignal, type ReadonlySignal} from '@preact/signals';
+import {decadeAxis, linearAxis, withMargin} from '../model/axis';
+import {binned, boundsOf, boundsOfAll, kNoPast, valueAt} from '../model/points';
+import type {ShownScale} from '../model/scale';
+import {digitsFor} from '../model/span';
 import {fixed} from '../parts/text';
-import {eachFrame} from '../store/frames';
 import type {MarkerList} from '../store/markers';
 import type {Series} from '../store/series';
-import {colour, themeVersion} from '../store/theme';
 import {texts} from '../texts/texts';
-import {drawMarkers, drawTrials} from './experiment';
+import {sidesOf, tickMax, type Size} from './canvas';
+import {marksOf} from './marks';
+import {kPlain, type Scene} from './scene';
+import {TimeChart} from './time_chart';
+import type {TimeAxis} from './time_gestures';
 
 export interface Curve {
   readonly column: number;
@@ -26,193 +31,120 @@ export interface ChartSource {
 
 interface Props {
   /** For tests, in every language. */
-  name: string;
-  title: string;
-  unit: string;
-  /** From the series' unit to the shown one. */
-  factor: number;
-  digits: number;
-  curves: readonly Curve[];
-  windowS: number;
-  /** At least so much of y shows, so that noise does not fill the chart. */
-  spanMin: number;
-  isLogarithmic?: boolean;
-  /** Drawn as lines with labels; trials as bands. */
-  markers?: () => MarkerList;
-  gapS: number;
-  source: () => ChartSource | null;
+  readonly name: string;
+  readonly title: string;
+  readonly scale: ShownScale;
+  readonly curves: readonly Curve[];
+  readonly windowS: number;
+  /** At least so much shows, in the shown unit, so that noise does not fill the chart. */
+  readonly spanMin: number;
+  readonly isLogarithmic?: boolean;
+  readonly markers: () => MarkerList;
+  readonly gapS: number;
+  readonly source: () => ChartSource | null;
 }
 
 const kPaintMs = 50;
 const kPointMax = 900;
 
-type Range = [number, number];
+/** The crosshair of all strips, in seconds after their end: 0 or less. */
+const crossS = signal<number | null>(null);
 
-function rangeOf(low: number | null, high: number | null, spanMin: number): Range {
-  const from = low ?? 0;
-  const to = high ?? 0;
-  const margin = Math.max(0.08 * (to - from), (spanMin - (to - from)) / 2, 0);
-  return [from - margin, to + margin];
+function secondsText(seconds: number, stepS: number): string {
+  const digits = digitsFor(stepS);
+  const shown = Number(seconds.toFixed(digits));
+  if (shown === 0) return texts.peek().live.now;
+  return shown <= -120 && digits === 0
+    ? `${fixed(shown / 60, shown % 60 === 0 ? 0 : 1)} min`
+    : `${fixed(shown, digits)} s`;
 }
 
-function optionsOf(
-  props: Props,
-  present: {nowS: number},
-  width: number,
-  height: number,
-): uPlot.Options {
-  const axis = {
-    stroke: colour('quiet'),
-    font: '12px system-ui, sans-serif',
-    grid: {stroke: colour('line'), width: 1},
-    ticks: {show: false},
-  };
-  const isLogarithmic = props.isLogarithmic ?? false;
-  return {
-    width,
-    height,
-    legend: {show: false},
-    cursor: {show: false},
-    padding: [8, 12, 0, 0],
-    scales: {
-      x: {time: false, auto: false, range: () => [-props.windowS, 0] as Range},
-      y: isLogarithmic
-        ? {
-            distr: 3,
-            range: (_, low, high) => [Math.min(10, low ?? 10), Math.max(2000, high ?? 0)] as Range,
-          }
-        : {range: (_, low, high) => rangeOf(low, high, props.spanMin)},
-    },
-    axes: [
-      {...axis, size: 24, values: (_, ticks) => ticks.map((tick) => secondsText(tick))},
-      {...axis, size: 52, ...(isLogarithmic ? decades(axis.grid) : {space: 28})},
-    ],
-    series: [
-      {},
-      ...props.curves.map((curve) => ({
-        stroke: colour(curve.paint),
-        width: 1.75,
-        spanGaps: false,
-        points: {show: false},
-      })),
-    ],
-    hooks: {
-      drawClear: [(chart) => drawTrials(chart, props.markers?.(), present.nowS)],
-      draw: [(chart) => drawMarkers(chart, props.markers?.(), present.nowS)],
-    },
-  };
-}
-
-/** Of a logarithmic axis of microseconds: lines and words at powers of ten only. */
-function decades(grid: uPlot.Axis.Grid): uPlot.Axis {
-  const filter = (_: uPlot, ticks: number[]) =>
-    ticks.map((tick) => (Number.isInteger(Math.log10(tick)) ? tick : null));
-  const values = (_: uPlot, ticks: (number | null)[]) =>
-    ticks.map((tick) =>
-      tick === null
-        ? ''
-        : tick < 1e3
-          ? `${tick} µs`
-          : tick < 1e6
-            ? `${tick / 1e3} ms`
-            : `${tick / 1e6} s`,
-    );
-  return {filter, values, grid: {...grid, filter}};
-}
-
-function secondsText(seconds: number): string {
-  if (seconds === 0) return texts.value.live.now;
-  return seconds <= -120 ? `${Math.round(seconds / 6) / 10} min` : `${seconds} s`;
-}
-
-/** Curves over the last seconds, with their newest values. */
+/** Curves over the last seconds, with their values at the crosshair, else the newest. */
 export function StripChart(props: Props) {
-  const holder = useRef<HTMLDivElement>(null);
-  const values = useRef<HTMLDivElement>(null);
-  const figure = useRef<HTMLElement>(null);
-  const latest = useRef(props);
-  latest.current = props;
-  const version = themeVersion.value;
-  const key = props.curves.map((curve) => curve.label).join();
-
-  useEffect(() => {
-    const target = holder.current;
-    if (target === null) return undefined;
-    const empty: uPlot.AlignedData = [[], ...props.curves.map(() => [])];
-    const present: {nowS: number} = {nowS: NaN};
-    const chart = new uPlot(
-      optionsOf(props, present, target.clientWidth, target.clientHeight),
-      empty,
-      target,
-    );
-    const observer = new ResizeObserver(() =>
-      chart.setSize({width: target.clientWidth, height: target.clientHeight}),
-    );
-    observer.observe(target);
-    let lastMs = 0;
-    const stop = eachFrame((nowMs) => {
-      if (nowMs - lastMs < kPaintMs) return;
-      lastMs = nowMs;
-      paint(chart, latest.current, present, values.current, figure.current);
-    });
-    return () => {
-      stop();
-      observer.disconnect();
-      chart.destroy();
-    };
-  }, [version, props.windowS, key]);
-
+  const {title, curves, windowS} = props;
+  const values = useSignal<readonly string[]>([]);
+  const isStale = useSignal(true);
+  const atS = crossS.value;
+  const scene = (size: Size) => {
+    const source = props.source();
+    isStale.value = source === null || !source.isFresh;
+    const shown = source === null ? null : sceneOf(props, source, size, atS);
+    values.value = source === null || shown === null ? [] : valuesOf(props, source, shown);
+    return shown;
+  };
+  const axis = (): TimeAxis | null => {
+    const endS = props.source()?.endS;
+    if (endS === undefined) return null;
+    const hover = (toS: number | null) => (crossS.value = toS === null ? null : toS - endS);
+    return {view: {fromS: endS - windowS, toS: endS}, ...sidesOf(1), hover, zoom: null};
+  };
+  const label = texts.value.live.chart(title, windowS);
   return (
-    <figure ref={figure} class="strip" data-testid={`strip-${props.name.toLowerCase()}`}>
-      <figcaption class="strip-head">
-        <span class="strip-title">
-          {props.title} <span class="unit">{props.unit}</span>
+    <figure
+      class={`strip ${isStale.value ? 'is-stale' : ''}`}
+      data-testid={`strip-${props.name.toLowerCase()}`}
+    >
+      <figcaption class="chart-head">
+        <span class="chart-title">
+          {title} <span class="unit">{props.scale.unit}</span>
         </span>
-        <div ref={values} class="strip-values">
-          {props.curves.map((curve) => (
-            <span key={curve.label} class="strip-value">
-              <i style={{background: `var(--${curve.paint})`}} />
-              {curve.label} <b>–</b>
-            </span>
-          ))}
-        </div>
+        <Values curves={curves} values={values} />
       </figcaption>
-      <div
-        ref={holder}
-        class="strip-plot"
-        role="img"
-        aria-label={texts.value.live.chart(props.title, props.windowS)}
+      <TimeChart
+        scene={scene}
+        axis={axis}
+        everyMs={() => kPaintMs}
+        attributes={{class: 'strip-plot', role: 'img', 'aria-label': label}}
       />
       <p class="strip-stale">{texts.value.live.notLive}</p>
     </figure>
   );
 }
 
-function paint(
-  chart: uPlot,
-  props: Props,
-  present: {nowS: number},
-  values: HTMLElement | null,
-  figure: HTMLElement | null,
-): void {
-  const source = props.source();
-  figure?.classList.toggle('is-stale', source === null || !source.isFresh);
-  if (source === null) {
-    chart.setData([[], ...props.curves.map(() => [])]);
-    return;
-  }
-  present.nowS = source.endS - (source.offsetS ?? 0);
-  const picked = props.curves.map((curve) => curve.column);
-  const columns = source.series.window(source.endS, props.windowS, picked, kPointMax, props.gapS);
-  if (props.factor !== 1) {
-    for (const column of columns.slice(1) as (number | null)[][]) {
-      column.forEach((value, i) => (column[i] = value === null ? null : value * props.factor));
-    }
-  }
-  chart.setData(columns);
-  const last = source.series.size - 1;
-  values?.querySelectorAll('b').forEach((cell, i) => {
-    const value = source.isFresh ? source.series.valueAt(last, picked[i] ?? 0) : NaN;
-    cell.textContent = fixed(value * props.factor, props.digits);
+function Values(props: {curves: readonly Curve[]; values: ReadonlySignal<readonly string[]>}) {
+  return (
+    <div class="chart-values">
+      {props.curves.map(({label, paint}, i) => (
+        <span key={label} class="chart-value">
+          <i style={{'--paint': `var(--${paint})`}} />
+          {label} <b>{props.values.value[i] ?? '–'}</b>
+        </span>
+      ))}
+    </div>
+  );
+}
+
+function sceneOf(props: Props, source: ChartSource, size: Size, crossAtS: number | null): Scene {
+  const {series, endS, offsetS = 0} = source;
+  const span = {fromS: endS - props.windowS, toS: endS};
+  const lines = props.curves.map(({column, paint}) => {
+    const curve = {ring: series.column(column), past: kNoPast};
+    const points = binned(curve, span.fromS, endS, kPointMax, props.gapS);
+    return {points, axis: 0, paint};
+  });
+  const bounds = boundsOfAll(lines.map(({points}) => boundsOf(points, span.fromS, span.toS)));
+  const {scale, spanMin} = props;
+  const axis = props.isLogarithmic
+    ? decadeAxis(bounds, scale)
+    : linearAxis(withMargin(bounds, spanMin / scale.factor), scale, tickMax(size));
+  return {
+    ...kPlain,
+    span,
+    zeroS: endS,
+    timeText: (timeS, stepS) => secondsText(timeS - endS, stepS),
+    axes: [axis],
+    lines,
+    marks: marksOf(props.markers(), offsetS, span),
+    crossS: crossAtS === null ? null : endS + crossAtS,
+  };
+}
+
+function valuesOf({curves, scale}: Props, source: ChartSource, scene: Scene): string[] {
+  const {series, isFresh} = source;
+  return curves.map(({column}, i) => {
+    const points = scene.lines[i]?.points;
+    const newest = isFresh ? series.valueAt(series.size - 1, column) : NaN;
+    const value = scene.crossS === null ? newest : points && valueAt(points, scene.crossS)?.high;
+    return fixed((value ?? NaN) * scale.factor, scale.digits);
   });
 }

@@ -4,17 +4,24 @@ import {centred, lengthOf, moved, timeAt, zoomed, type Span} from '../model/span
 export interface TimeAxis {
   /** The element's width. */
   readonly view: Span;
-  /** The part that shows, which is zoomed and moved. */
-  readonly span: Span;
-  readonly whole: Span;
   /** The pixels left and right of the axis. */
   readonly leftPx: number;
   readonly rightPx: number;
+  /** The pointer is at this moment; null: it is elsewhere. */
+  readonly hover: (atS: number | null) => void;
+  /** null: what shows stays, and the wheel is the page's. */
+  readonly zoom: Zoom | null;
+}
+
+/** A part of a whole that is zoomed and moved. */
+export interface Zoom {
+  readonly span: Span;
+  readonly whole: Span;
   /** Where keys act; null: in the middle. */
   readonly pinnedS: number | null;
   readonly setSpan: (span: Span) => void;
-  /** The pointer is at this moment; null: it is elsewhere. */
-  readonly hover: (atS: number | null) => void;
+  /** Shows what is shown without gestures. */
+  readonly reset: () => void;
   readonly pin: (atS: number) => void;
   /** While a part is drawn; null: no more. */
   readonly brush: (span: Span | null) => void;
@@ -24,13 +31,31 @@ export interface TimeAxis {
 const kClickPx = 4;
 const kWheelZoom = 1.0015;
 const kKeyZoom = 1.5;
+const kKeyStep = 0.01;
+const kKeyMove = 0.1;
+
+/** The moment under a pointer, and how long a pixel is. */
+export function underPointer(
+  element: HTMLElement,
+  clientX: number,
+  {view, leftPx, rightPx}: Pick<TimeAxis, 'view' | 'leftPx' | 'rightPx'>,
+): {readonly atS: number; readonly perPx: number} {
+  const box = element.getBoundingClientRect();
+  const widthPx = Math.max(box.width - leftPx - rightPx, 1);
+  const share = Math.min(1, Math.max(0, (clientX - box.left - leftPx) / widthPx));
+  return {atS: timeAt(view, share), perPx: lengthOf(view) / widthPx};
+}
+
+function spanOf(a: number, b: number): Span {
+  return {fromS: Math.min(a, b), toS: Math.max(a, b)};
+}
 
 /**
  * Dragging shows the drawn part, with Shift or the middle button it moves what shows; the wheel
  * zooms, sideways it moves; a click pins a moment; a double click shows all. One finger moves, two
  * zoom.
  */
-export function attachGestures(element: HTMLElement, axis: () => TimeAxis): () => void {
+export function attachGestures(element: HTMLElement, axisOf: () => TimeAxis | null): () => void {
   const pointers = new Map<number, number>();
   let downPx = 0;
   let downS = 0;
@@ -38,156 +63,134 @@ export function attachGestures(element: HTMLElement, axis: () => TimeAxis): () =
   let hasMoved = false;
   let pinch = {lengthPx: 1, atS: 0, span: {fromS: 0, toS: 1}};
 
-  const shareAt = (px: number) => {
-    const box = element.getBoundingClientRect();
-    const {leftPx, rightPx} = axis();
-    const widthPx = Math.max(box.width - leftPx - rightPx, 1);
-    return Math.min(1, Math.max(0, (px - box.left - leftPx) / widthPx));
-  };
-  const timeOf = (px: number) => timeAt(axis().view, shareAt(px));
   const spread = () => {
     const [a = 0, b = 0] = [...pointers.values()];
     return {lengthPx: Math.max(Math.abs(a - b), 1), middlePx: (a + b) / 2};
   };
+  /** Calls `act` with the axis, and the moment under the pointer, where there is an axis. */
+  const withAxis =
+    <E extends MouseEvent>(
+      act: (event: E, axis: TimeAxis, atS: number, zoom: Zoom | null, perPx: number) => void,
+    ) =>
+    (event: E) => {
+      const axis = axisOf();
+      if (axis === null) return;
+      const {atS, perPx} = underPointer(element, event.clientX, axis);
+      act(event, axis, atS, axis.zoom, perPx);
+    };
 
-  const onDown = (event: PointerEvent) => {
-    if (event.pointerType === 'mouse' && event.button > 1) return;
+  const onDown = withAxis<PointerEvent>((event, axis, atS, zoom) => {
+    if (zoom === null || (event.pointerType === 'mouse' && event.button > 1)) return;
     pointers.set(event.pointerId, event.clientX);
     element.setPointerCapture(event.pointerId);
     if (pointers.size === 2) {
       const {lengthPx, middlePx} = spread();
-      pinch = {lengthPx, atS: timeOf(middlePx), span: axis().span};
+      pinch = {lengthPx, atS: underPointer(element, middlePx, axis).atS, span: zoom.span};
       action = 'pinch';
-      axis().brush(null);
+      zoom.brush(null);
       return;
     }
     downPx = event.clientX;
-    downS = timeOf(downPx);
+    downS = atS;
     hasMoved = false;
     const isMove = event.pointerType !== 'mouse' || event.shiftKey || event.button === 1;
     action = isMove ? 'move' : 'brush';
     if (event.button === 1) event.preventDefault();
-  };
-  const onMove = (event: PointerEvent) => {
-    const now = axis();
-    if (!pointers.has(event.pointerId)) {
-      if (event.pointerType === 'mouse') now.hover(timeOf(event.clientX));
+  });
+  const onMove = withAxis<PointerEvent>((event, axis, atS, zoom, perPx) => {
+    if (zoom === null || !pointers.has(event.pointerId)) {
+      if (event.pointerType === 'mouse') axis.hover(atS);
       return;
     }
     pointers.set(event.pointerId, event.clientX);
     hasMoved ||= Math.abs(event.clientX - downPx) > kClickPx;
     if (action === 'pinch') {
       const {lengthPx} = spread();
-      now.setSpan(zoomed(pinch.span, pinch.lengthPx / lengthPx, pinch.atS, now.whole));
+      zoom.setSpan(zoomed(pinch.span, pinch.lengthPx / lengthPx, pinch.atS, zoom.whole));
     } else if (action === 'brush' && hasMoved) {
-      const atS = timeOf(event.clientX);
-      now.hover(atS);
-      now.brush({fromS: Math.min(downS, atS), toS: Math.max(downS, atS)});
+      axis.hover(atS);
+      zoom.brush(spanOf(downS, atS));
     } else if (action === 'move' && hasMoved) {
-      const box = element.getBoundingClientRect();
-      const widthPx = Math.max(box.width - now.leftPx - now.rightPx, 1);
-      const byS = ((downPx - event.clientX) / widthPx) * lengthOf(now.view);
+      const byS = (downPx - event.clientX) * perPx;
       downPx = event.clientX;
-      now.setSpan(moved(now.span, byS / lengthOf(now.span), now.whole));
+      zoom.setSpan(moved(zoom.span, byS / lengthOf(zoom.span), zoom.whole));
     }
-  };
-  const onUp = (event: PointerEvent) => {
-    if (!pointers.delete(event.pointerId)) return;
-    const now = axis();
-    const atS = timeOf(event.clientX);
-    if (event.type === 'pointerup' && action === 'brush' && hasMoved) {
-      now.setSpan({fromS: Math.min(downS, atS), toS: Math.max(downS, atS)});
-    } else if (event.type === 'pointerup' && action !== 'pinch' && !hasMoved) {
-      now.pin(atS);
-    }
-    now.brush(null);
+  });
+  const onUp = withAxis<PointerEvent>((event, _, atS, zoom) => {
+    if (!pointers.delete(event.pointerId) || zoom === null) return;
+    const isEnd = event.type === 'pointerup';
+    if (isEnd && action === 'brush' && hasMoved) zoom.setSpan(spanOf(downS, atS));
+    else if (isEnd && action !== 'pinch' && !hasMoved) zoom.pin(atS);
+    zoom.brush(null);
     if (pointers.size === 0) action = 'none';
-  };
-  const onLeave = () => {
-    if (pointers.size === 0) axis().hover(null);
-  };
-  const onWheel = (event: WheelEvent) => {
-    const now = axis();
+  });
+  const onLeave = withAxis<PointerEvent>((event, axis) => {
+    if (pointers.size === 0 && event.pointerType === 'mouse') axis.hover(null);
+  });
+  const onWheel = withAxis<WheelEvent>((event, _, atS, zoom) => {
+    if (zoom === null) return;
     event.preventDefault();
     const unit = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 20 : 1;
     const isSideways = event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY);
     if (isSideways) {
       const by = (Math.abs(event.deltaX) > 0 ? event.deltaX : event.deltaY) * unit;
-      now.setSpan(moved(now.span, by / 1000, now.whole));
+      zoom.setSpan(moved(zoom.span, by / 1000, zoom.whole));
     } else {
       const factor = kWheelZoom ** (event.deltaY * unit);
-      now.setSpan(zoomed(now.span, factor, timeOf(event.clientX), now.whole));
+      zoom.setSpan(zoomed(zoom.span, factor, atS, zoom.whole));
     }
-  };
-  const onDouble = () => axis().setSpan(axis().whole);
+  });
+  const onDouble = () => axisOf()?.zoom?.reset();
 
-  element.addEventListener('pointerdown', onDown);
-  element.addEventListener('pointermove', onMove);
-  element.addEventListener('pointerup', onUp);
-  element.addEventListener('pointercancel', onUp);
-  element.addEventListener('pointerleave', onLeave);
-  element.addEventListener('wheel', onWheel, {passive: false});
-  element.addEventListener('dblclick', onDouble);
-  return () => {
-    element.removeEventListener('pointerdown', onDown);
-    element.removeEventListener('pointermove', onMove);
-    element.removeEventListener('pointerup', onUp);
-    element.removeEventListener('pointercancel', onUp);
-    element.removeEventListener('pointerleave', onLeave);
-    element.removeEventListener('wheel', onWheel);
-    element.removeEventListener('dblclick', onDouble);
-  };
+  const ending = new AbortController();
+  const {signal} = ending;
+  element.addEventListener('pointerdown', onDown, {signal});
+  element.addEventListener('pointermove', onMove, {signal});
+  element.addEventListener('pointerup', onUp, {signal});
+  element.addEventListener('pointercancel', onUp, {signal});
+  element.addEventListener('pointerleave', onLeave, {signal});
+  element.addEventListener('wheel', onWheel, {passive: false, signal});
+  element.addEventListener('dblclick', onDouble, {signal});
+  return () => ending.abort();
 }
 
 /** The keys of a time axis; returns whether the key is one. */
-export function takeKey(event: KeyboardEvent, axis: TimeAxis): boolean {
+export function takeKey(event: KeyboardEvent, zoom: Zoom): boolean {
   if (event.ctrlKey || event.metaKey || event.altKey) return false;
-  const {span, whole} = axis;
-  const atS = axis.pinnedS ?? timeAt(span, 0.5);
-  const isInside = atS >= span.fromS && atS <= span.toS;
-  const aroundS = isInside ? atS : timeAt(span, 0.5);
-  const step = event.shiftKey ? 0.1 : 0.01;
+  const {span, whole, setSpan} = zoom;
+  const pinnedS = zoom.pinnedS ?? NaN;
+  const atS = pinnedS >= span.fromS && pinnedS <= span.toS ? pinnedS : timeAt(span, 0.5);
+  const move = (share: number) => setSpan(moved(span, share, whole));
   const pin = (toS: number) => {
-    const pinnedS = Math.min(Math.max(toS, whole.fromS), whole.toS);
-    axis.pin(pinnedS);
-    if (pinnedS < span.fromS) axis.setSpan(moved(span, -0.5, whole));
-    if (pinnedS > span.toS) axis.setSpan(moved(span, 0.5, whole));
+    const at = Math.min(Math.max(toS, whole.fromS), whole.toS);
+    zoom.pin(at);
+    if (at < span.fromS) move(-0.5);
+    if (at > span.toS) move(0.5);
   };
-  switch (event.key) {
-    case 'ArrowLeft':
-      pin(aroundS - step * (span.toS - span.fromS));
-      return true;
-    case 'ArrowRight':
-      pin(aroundS + step * (span.toS - span.fromS));
-      return true;
-    case '+':
-    case '=':
-    case 'ArrowUp':
-      axis.setSpan(zoomed(span, 1 / kKeyZoom, aroundS, whole));
-      return true;
-    case '-':
-    case 'ArrowDown':
-      axis.setSpan(zoomed(span, kKeyZoom, aroundS, whole));
-      return true;
-    case 'PageUp':
-      axis.setSpan(moved(span, -0.9, whole));
-      return true;
-    case 'PageDown':
-      axis.setSpan(moved(span, 0.9, whole));
-      return true;
-    case 'Home':
-      pin(whole.fromS);
-      axis.setSpan(centred(span, whole.fromS, whole));
-      return true;
-    case 'End':
-      pin(whole.toS);
-      axis.setSpan(centred(span, whole.toS, whole));
-      return true;
-    case '0':
-    case 'Escape':
-      axis.setSpan(whole);
-      return true;
-    default:
-      return false;
-  }
+  const step = (sign: number) =>
+    event.shiftKey ? move(sign * kKeyMove) : pin(atS + sign * kKeyStep * lengthOf(span));
+  const scale = (factor: number) => setSpan(zoomed(span, factor, atS, whole));
+  const goTo = (toS: number) => {
+    pin(toS);
+    setSpan(centred(span, toS, whole));
+  };
+  const actions: Readonly<Record<string, () => void>> = {
+    ArrowLeft: () => step(-1),
+    ArrowRight: () => step(1),
+    '+': () => scale(1 / kKeyZoom),
+    '=': () => scale(1 / kKeyZoom),
+    ArrowUp: () => scale(1 / kKeyZoom),
+    '-': () => scale(kKeyZoom),
+    ArrowDown: () => scale(kKeyZoom),
+    PageUp: () => move(-0.9),
+    PageDown: () => move(0.9),
+    // A live axis has no beginning.
+    Home: () => (Number.isFinite(whole.fromS) ? goTo(whole.fromS) : undefined),
+    End: () => goTo(whole.toS),
+    '0': zoom.reset,
+    Escape: zoom.reset,
+  };
+  const act = actions[event.key];
+  act?.();
+  return act !== undefined;
 }

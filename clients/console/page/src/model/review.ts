@@ -1,5 +1,6 @@
 import {flag, list, number, numberOrNull, numbers, object, text} from '../protocol/fields';
 import type {Json, JsonObject} from '../protocol/json';
+import {pointsOf, type Points} from './points';
 
 /** A recording under review. All times are in seconds since its beginning. */
 
@@ -55,23 +56,8 @@ export interface Run {
   readonly cut: {readonly file: string; readonly progress: number} | null;
 }
 
-/** One field's values: either the samples, or the least and greatest values in steps of time. */
-export type Curve =
-  | {
-      readonly kind: 'samples';
-      readonly times: readonly number[];
-      readonly values: readonly number[];
-    }
-  | {
-      readonly kind: 'steps';
-      readonly beginS: number;
-      readonly stepS: number;
-      readonly low: readonly (number | null)[];
-      readonly high: readonly (number | null)[];
-    };
-
 export interface Curves {
-  readonly byField: ReadonlyMap<string, Curve>;
+  readonly byField: ReadonlyMap<string, Points>;
   /** Read from the file, and not a part of the overview. */
   readonly isExact: boolean;
   readonly problem: string;
@@ -186,23 +172,26 @@ export function readCurves(beginNs: bigint, reply: Json): Curves {
   const json = object(reply);
   const beginS = secondsSince(beginNs, nsOf(json['begin_ns']));
   const stepS = number(json['bucket_ns'], 1) / 1e9;
-  const byField = new Map<string, Curve>();
+  const byField = new Map<string, Points>();
   for (const one of list(json['series']).map(object)) {
-    const field = text(one['field']);
-    const values = one['values'];
-    if (values === undefined) {
-      const low = list(one['low']).map(numberOrNull);
-      byField.set(field, {
-        kind: 'steps',
-        beginS,
-        stepS,
-        low,
-        high: list(one['high']).map(numberOrNull),
-      });
-    } else {
-      const times = numbers(one['offset_ns']).map((ns) => beginS + ns / 1e9);
-      byField.set(field, {kind: 'samples', times, values: numbers(values)});
-    }
+    const read = (name: string) => list(one[name]).map(numberOrNull);
+    const values = read('values');
+    const low = read('low');
+    const points =
+      one['values'] === undefined
+        ? pointsOf(
+            low.map((_, i) => beginS + i * stepS),
+            low,
+            read('high'),
+            stepS,
+          )
+        : pointsOf(
+            numbers(one['offset_ns']).map((ns) => beginS + ns / 1e9),
+            values,
+            values,
+            0,
+          );
+    byField.set(text(one['field']), points);
   }
   return {
     byField,
@@ -210,59 +199,6 @@ export function readCurves(beginNs: bigint, reply: Json): Curves {
     problem: text(json['problem']),
     happenings: readHappenings(beginNs, json),
   };
-}
-
-/** The least and the greatest value of a curve in a part of it; null: there is none. */
-export function rangeOf(
-  curve: Curve,
-  fromS: number,
-  toS: number,
-): {readonly low: number; readonly high: number} | null {
-  let low = Infinity;
-  let high = -Infinity;
-  const take = (a: number, b: number) => {
-    low = Math.min(low, a);
-    high = Math.max(high, b);
-  };
-  if (curve.kind === 'samples') {
-    curve.times.forEach((timeS, i) => {
-      const value = curve.values[i];
-      if (timeS >= fromS && timeS <= toS && value !== undefined) take(value, value);
-    });
-  } else {
-    const first = Math.max(0, Math.floor((fromS - curve.beginS) / curve.stepS));
-    const last = Math.min(curve.low.length - 1, Math.floor((toS - curve.beginS) / curve.stepS));
-    for (let i = first; i <= last; ++i) {
-      const [a, b] = [curve.low[i] ?? null, curve.high[i] ?? null];
-      if (a !== null && b !== null) take(a, b);
-    }
-  }
-  return high >= low ? {low, high} : null;
-}
-
-/** The value of a curve at a moment: the newest sample, or the step around it; null: nothing yet. */
-export function valueAt(
-  curve: Curve,
-  timeS: number,
-): {readonly low: number; readonly high: number} | null {
-  if (curve.kind === 'samples') {
-    let first = 0;
-    let last = curve.times.length;
-    while (first < last) {
-      const middle = (first + last) >> 1;
-      if ((curve.times[middle] ?? Infinity) <= timeS) first = middle + 1;
-      else last = middle;
-    }
-    const value = curve.values[first - 1];
-    return value === undefined ? null : {low: value, high: value};
-  }
-  const at = Math.floor((timeS - curve.beginS) / curve.stepS);
-  // A slower device has no value in each step: its newest before.
-  for (let i = Math.min(at, curve.low.length - 1); i >= Math.max(0, at - 20); --i) {
-    const [low, high] = [curve.low[i] ?? null, curve.high[i] ?? null];
-    if (low !== null && high !== null) return {low, high};
-  }
-  return null;
 }
 
 /** Fields that one axis shows: those of one unit, in their order. */

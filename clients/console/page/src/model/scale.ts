@@ -26,6 +26,12 @@ const kGreater = [
   {prefix: 'k', factor: 1e-3},
 ] as const;
 
+/** A scale that remembers its prefix. */
+export interface SizedScale extends ShownScale {
+  readonly prefix: {readonly prefix: string; readonly factor: number};
+  readonly shownUnit: string;
+}
+
 /** The factor and prefix with which a value of this size has one to three digits before the point. */
 export function prefixFor(size: number, unit: string): {prefix: string; factor: number} {
   if (!kPrefixed.has(unit) || !Number.isFinite(size) || size <= 0) return kPrefixes[0];
@@ -48,6 +54,27 @@ export function shownAngle(unit: string): {readonly unit: string; readonly facto
   const pair = kAngles.find((one) => one.degrees === written || one.radians === written);
   if (pair === undefined || pair[wanted] === written) return {unit, factor: 1};
   return {unit: pair[wanted], factor: wanted === 'degrees' ? 180 / Math.PI : Math.PI / 180};
+}
+
+/**
+ * By the size of what is shown. The prefix changes only where the one before does not fit any more,
+ * so that it does not flicker.
+ */
+export function sizedScale(unit: string, size: number, before?: SizedScale): SizedScale {
+  const {unit: plainUnit, factor} = shownAngle(unit);
+  const shownUnit = plainUnit === '1' ? '' : plainUnit;
+  const shown = size * factor;
+  const isSame = before?.shownUnit === shownUnit;
+  const kept = isSame ? shown * before.prefix.factor : 0;
+  const prefix = isSame && kept >= 0.5 && kept < 1500 ? before.prefix : prefixFor(shown, shownUnit);
+  const scaled = Math.max(shown * prefix.factor, 1e-12);
+  return {
+    unit: `${prefix.prefix}${shownUnit}`,
+    factor: factor * prefix.factor,
+    digits: Math.min(4, Math.max(0, 3 - Math.floor(Math.log10(scaled)))),
+    prefix,
+    shownUnit,
+  };
 }
 
 /** By the channel's range, so that its unit stays the same whatever the value. */

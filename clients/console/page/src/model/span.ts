@@ -44,6 +44,10 @@ export function centred(span: Span, atS: number, whole: Span): Span {
   return within({fromS: atS - half, toS: atS + half}, whole);
 }
 
+export function shifted({fromS, toS}: Span, byS: number): Span {
+  return {fromS: fromS + byS, toS: toS + byS};
+}
+
 export function timeAt(span: Span, share: number): number {
   return span.fromS + share * lengthOf(span);
 }
@@ -54,15 +58,20 @@ export function shareOf(span: Span, timeS: number): number {
 
 const kSteps = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14_400, 43_200];
 
-/** The round step of an axis that has at most so many labels. */
+/** The least of 1, 2 and 5 times a power of ten that is not below. */
+export function roundStep(least: number): number {
+  const decade = 10 ** Math.floor(Math.log10(least));
+  return [1, 2, 5, 10].map((one) => one * decade).find((one) => one >= least * 0.999_999) ?? least;
+}
+
+/** The round step of an axis of time that has at most so many labels. */
 export function stepFor(lengthS: number, countMax: number): number {
   const least = lengthS / Math.max(countMax, 1);
   if (least > 1) return kSteps.find((one) => one >= least) ?? 86_400 * Math.ceil(least / 86_400);
-  const decade = 10 ** Math.floor(Math.log10(least));
-  return [1, 2, 5, 10].map((one) => one * decade).find((one) => one >= least * 0.999_999) ?? 1;
+  return roundStep(least);
 }
 
-/** The moments in a span that have labels. */
+/** The multiples of a step that have labels. */
 export function ticksOf(span: Span, stepS: number): number[] {
   const first = Math.ceil(span.fromS / stepS - 1e-9);
   const last = Math.floor(span.toS / stepS + 1e-9);
@@ -88,6 +97,17 @@ export function momentText(seconds: number, digits: number): string {
   return `${sign}${clock}:${two(whole % 60)}${rest.replace('.', point)}`;
 }
 
+/** The time of day where the browser is, with so many digits of seconds, or none at all. */
+export function clockText(seconds: number, digits: number, hasSeconds: boolean): string {
+  const date = new Date(1000 * seconds);
+  const two = (value: number) => String(value).padStart(2, '0');
+  const minute = `${two(date.getHours())}:${two(date.getMinutes())}`;
+  if (!hasSeconds) return minute;
+  const point = mark.value === 'comma' ? ',' : '.';
+  const fraction = String(date.getMilliseconds()).padStart(3, '0').slice(0, digits);
+  return `${minute}:${two(date.getSeconds())}${fraction === '' ? '' : point + fraction}`;
+}
+
 /** 2.5e-3 as "2.5 ms". */
 export function lengthText(seconds: number): string {
   if (seconds < 1e-3) return `${plain(Number((seconds * 1e6).toPrecision(3)))} µs`;
@@ -97,31 +117,4 @@ export function lengthText(seconds: number): string {
   return minutes < 60
     ? `${minutes} min ${Math.floor(seconds % 60)} s`
     : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
-}
-
-/** The bounds of a value axis around values, with round ticks. */
-export function valueAxis(
-  low: number,
-  high: number,
-  countMax: number,
-): {readonly low: number; readonly high: number; readonly ticks: readonly number[]} {
-  if (!(high >= low)) return {low: 0, high: 1, ticks: []};
-  const least = Math.max(Math.abs(low), Math.abs(high), 1e-9) * 1e-6;
-  const margin = Math.max((high - low) * 0.06, least);
-  const from = low - margin;
-  const to = high + margin;
-  const rough = (to - from) / Math.max(countMax, 1);
-  const decade = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((one) => one * decade).find((one) => one >= rough) ?? rough;
-  const first = Math.ceil(from / step);
-  const last = Math.floor(to / step);
-  const ticks = Array.from({length: Math.max(0, last - first + 1)}, (_, i) =>
-    Number(((first + i) * step).toPrecision(12)),
-  );
-  return {low: from, high: to, ticks};
-}
-
-/** A number with four digits that count. */
-export function valueText(value: number): string {
-  return Number.isFinite(value) ? plain(Number(value.toPrecision(4))).replace('-', '−') : '–';
 }

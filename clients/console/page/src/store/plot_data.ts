@@ -1,9 +1,10 @@
 import {effect, signal, type ReadonlySignal, type Signal} from '@preact/signals';
-import {kNoPast, Ring, type Curve, type Past} from '../model/bins';
 import {fieldReader, isChange, liveTopicOf, splitPath, subjectOf, unitOf} from '../model/fields';
+import {kNoPast, type Curve, type Past} from '../model/points';
 import type {Device} from '../model/state';
 import {list, number, numbers, object, text} from '../protocol/fields';
 import type {Link} from './link';
+import {Series} from './series';
 
 /** Values of five minutes at 60 Hz. */
 const kRingRows = 18000;
@@ -15,7 +16,8 @@ const kDragMs = 150;
 
 /** A field that is shown. */
 export class Field implements Curve {
-  readonly ring = new Ring(kRingRows);
+  readonly series = new Series(kRingRows, 1, Float64Array);
+  readonly ring = this.series.column(0);
   past: Past = kNoPast;
   /** When its newest value came, by the page's clock. */
   cameMs = -Infinity;
@@ -197,7 +199,7 @@ export class PlotData {
           if (field === undefined) continue;
           const number = read(payload);
           if (Number.isNaN(number)) continue;
-          field.ring.push(timeS, number);
+          field.series.push(timeS, [number]);
           field.cameMs = this.nowMs();
         }
       });

@@ -16,6 +16,7 @@ import {
   type Plot,
   type Threshold,
 } from '../model/layout';
+import type {Span} from '../model/span';
 import type {Device} from '../model/state';
 import {list} from '../protocol/fields';
 import {parseJson, type Json} from '../protocol/json';
@@ -38,6 +39,8 @@ export class TimeView {
   /** The range that stays; null: the newest `windowS` seconds. */
   readonly fixed: Signal<{readonly beginS: number; readonly endS: number} | null> = signal(null);
   readonly crosshairS: Signal<number | null> = signal(null);
+  /** The part that a pointer draws. */
+  readonly brush: Signal<Span | null> = signal(null);
 
   constructor(
     private readonly windowS: () => number,
@@ -49,6 +52,11 @@ export class TimeView {
     const fixed = this.fixed.peek();
     const now = this.nowS();
     return fixed === null ? [now - this.windowS(), now] : [fixed.beginS, fixed.endS];
+  }
+
+  get span(): Span {
+    const [fromS, toS] = this.range();
+    return {fromS, toS};
   }
 
   pause(): void {

@@ -1,23 +1,22 @@
+import type {Rows} from '../model/points';
 import {rowAtOrAfter} from '../model/rows';
-
-/** Columns over x, as uPlot takes them. */
-export type Columns = [number[], ...(number | null)[][]];
 
 const kLateS = 0.2;
 
 /** Numbers over time in a ring: the newest `capacity` rows, oldest first. */
 export class Series {
   private readonly times: Float64Array;
-  private readonly columns: Float32Array[];
+  private readonly columns: (Float32Array | Float64Array)[];
   private begin = 0;
   private count = 0;
 
   constructor(
     readonly capacity: number,
     columnCount: number,
+    Column: Float32ArrayConstructor | Float64ArrayConstructor = Float32Array,
   ) {
     this.times = new Float64Array(capacity);
-    this.columns = Array.from({length: columnCount}, () => new Float32Array(capacity));
+    this.columns = Array.from({length: columnCount}, () => new Column(capacity));
   }
 
   get size(): number {
@@ -62,73 +61,16 @@ export class Series {
     return rowAtOrAfter(this.count, (row) => this.timeAt(row), timeS);
   }
 
-  /**
-   * The rows of the `windowS` seconds before `endS`, as seconds relative to `endS`. More than
-   * `pointMax` rows become the lowest and the highest value of equal spans, which lie at multiples
-   * of their length, so that a curve does not flicker. Where nothing came for `gapS` is a gap.
-   */
-  window(
-    endS: number,
-    windowS: number,
-    picked: readonly number[],
-    pointMax: number,
-    gapS: number,
-  ): Columns {
-    const first = this.rowAt(endS - windowS);
-    const last = this.rowAt(endS + 1e-9);
-    const result: Columns = [[], ...picked.map(() => [] as (number | null)[])];
-    const spanS = last - first <= pointMax ? 0 : (2 * windowS) / pointMax;
-    let before = NaN;
-    for (let row = first; row < last;) {
-      const timeS = this.timeAt(row);
-      if (timeS - before > gapS) this.addGap(result, before - endS + 1e-3);
-      row =
-        spanS === 0
-          ? this.addRow(result, picked, row, endS)
-          : this.addSpan(result, picked, row, last, spanS, endS);
-      before = this.timeAt(row - 1);
-    }
-    return result;
-  }
-
-  private addGap(result: Columns, x: number): void {
-    result[0].push(x);
-    for (const column of result.slice(1) as (number | null)[][]) column.push(null);
-  }
-
-  private addRow(result: Columns, picked: readonly number[], row: number, endS: number): number {
-    result[0].push(this.timeAt(row) - endS);
-    picked.forEach((column, i) => {
-      const value = this.valueAt(row, column);
-      (result[i + 1] as (number | null)[]).push(Number.isNaN(value) ? null : value);
-    });
-    return row + 1;
-  }
-
-  private addSpan(
-    result: Columns,
-    picked: readonly number[],
-    first: number,
-    last: number,
-    spanS: number,
-    endS: number,
-  ): number {
-    const spanEndS = (Math.floor(this.timeAt(first) / spanS) + 1) * spanS;
-    let row = first;
-    while (row < last && this.timeAt(row) < spanEndS) ++row;
-    if (row === first) ++row;
-    result[0].push(spanEndS - spanS - endS, spanEndS - spanS / 2 - endS);
-    picked.forEach((column, i) => {
-      let low = Infinity;
-      let high = -Infinity;
-      for (let at = first; at < row; ++at) {
-        const value = this.valueAt(at, column);
-        if (value < low) low = value;
-        if (value > high) high = value;
-      }
-      const isThere = low <= high;
-      (result[i + 1] as (number | null)[]).push(isThere ? low : null, isThere ? high : null);
-    });
-    return row;
+  /** One column, as curves are made of; it follows the series. */
+  column(at: number): Rows {
+    const size = () => this.count;
+    return {
+      get size() {
+        return size();
+      },
+      timeAt: (row) => this.timeAt(row),
+      valueAt: (row) => this.valueAt(row, at),
+      rowAt: (timeS) => this.rowAt(timeS),
+    };
   }
 }

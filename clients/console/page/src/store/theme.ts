@@ -13,6 +13,7 @@ const isSystemDark = signal(systemDark.matches);
 export const theme = signal<Theme>(stored ?? 'system');
 /** Counts changes, for what paints by itself. */
 export const themeVersion = signal(0);
+const colours = new Map<string, string>();
 
 systemDark.addEventListener('change', (event) => (isSystemDark.value = event.matches));
 
@@ -20,10 +21,15 @@ effect(() => {
   const isDark = theme.value === 'dark' || (theme.value === 'system' && isSystemDark.value);
   document.documentElement.dataset['theme'] = isDark ? 'dark' : 'light';
   remember(kKey, theme.value);
+  colours.clear();
   themeVersion.value = themeVersion.peek() + 1;
 });
 
-/** A colour of the style sheet, as it is now. */
+/** A colour of the style sheet, as it is now; read once for each theme. */
 export function colour(name: string): string {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  const known = colours.get(name);
+  if (known !== undefined) return known;
+  const read = getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  colours.set(name, read);
+  return read;
 }

@@ -210,7 +210,7 @@ interface ChartsProps {
 function Charts({name, device, hasMotion, source}: ChartsProps) {
   const app = useApp();
   const markers = () => app.shownMarkers;
-  const common = {windowS: windowS.value, gapS: kGapS, source, factor: 1, markers};
+  const common = {windowS: windowS.value, gapS: kGapS, source, markers};
   const latency = (): ChartSource | null => {
     const series = app.latencySeries.get(name);
     const lastS = series?.lastS ?? null;
@@ -226,9 +226,7 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
         key={`${title} ${shown.unit}`}
         name={members.map(({scale}) => scale.name).join(', ')}
         title={members.map(({scale}) => scale.name).join(', ')}
-        unit={shown.unit}
-        factor={shown.factor}
-        digits={shown.digits}
+        scale={shown}
         spanMin={spanMinOf(members, shown.factor)}
         curves={members.map(({scale, index}) => ({
           column: first + index,
@@ -244,9 +242,7 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
           {...common}
           name="position"
           title={texts.value.live.position}
-          unit="mm"
-          factor={1000}
-          digits={1}
+          scale={{unit: 'mm', factor: 1000, digits: 1}}
           spanMin={10}
           curves={kPosition}
         />
@@ -256,8 +252,7 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
           {...common}
           name="force"
           title={texts.value.live.force}
-          unit="N"
-          digits={2}
+          scale={{unit: 'N', factor: 1, digits: 2}}
           spanMin={1}
           curves={kForce}
         />
@@ -267,8 +262,7 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
           {...common}
           name="direction"
           title={texts.value.live.direction}
-          unit="°"
-          digits={1}
+          scale={{unit: '°', factor: 1, digits: 1}}
           spanMin={5}
           curves={kDirection}
         />
@@ -280,8 +274,7 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
           {...common}
           name="latency"
           title={texts.value.live.latencyShort}
-          unit="µs"
-          digits={0}
+          scale={{unit: 'µs', factor: 1, digits: 0}}
           spanMin={10}
           curves={kLatency}
           isLogarithmic

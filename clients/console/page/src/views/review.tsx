@@ -1,7 +1,8 @@
 import {signal, useSignal} from '@preact/signals';
 import {useEffect, useMemo, useRef, useState} from 'preact/hooks';
-import {kShapes} from '../drawing/review_canvas';
-import {boundsOf, OverviewStrip, ReviewChart, type Shared} from '../drawing/review_chart';
+import {kShapes} from '../drawing/marks';
+import {OverviewStrip, ReviewChart, type Shared} from '../drawing/review_chart';
+import {boundsOf, boundsOfAll} from '../model/points';
 import {
   byUnit,
   commonLabels,
@@ -102,6 +103,7 @@ export function ReviewView({file, atNs}: {file: string; atNs: bigint | null}) {
     hover: (to) => (hoverS.value = to),
     pin: (to) => (pinnedS.value = to),
     brush: (to) => (brushed.value = to),
+    reset: () => (wanted.value = null),
   };
   // A link to a moment shows it, with ten seconds around it.
   const isThere = run !== null;
@@ -443,11 +445,11 @@ function CutForm({review, run, shared, originS, onEnd}: PartProps & {onEnd: () =
 }
 
 function Strip({review, run, shared, originS}: PartProps) {
-  const field = shownFields(run)[0] ?? '';
+  const path = shownFields(run)[0] ?? '';
   useEffect(() => {
     const whole = {fromS: 0, toS: Math.max(run.lengthS, 1e-3)};
-    review.show('overview', field === '' ? [] : [field], whole, kStripPoints);
-  }, [review, field, run.lengthS]);
+    review.show('overview', path === '' ? [] : [path], whole, kStripPoints);
+  }, [review, path, run.lengthS]);
   return (
     <OverviewStrip
       shared={shared}
@@ -455,8 +457,8 @@ function Strip({review, run, shared, originS}: PartProps) {
       name={run.file}
       lengthS={run.lengthS}
       progress={run.progress}
-      field={field}
-      curve={review.overview.value?.byField.get(field) ?? null}
+      field={run.fields.find((one) => one.path === path) ?? null}
+      curve={review.overview.value?.byField.get(path) ?? null}
       happenings={[...run.happenings, ...run.notes]}
     />
   );
@@ -636,18 +638,15 @@ interface GroupProps {
 
 /** A unit's chart of each recording, one above the other, with the same scale. */
 function Group({group, runs, shared, shown}: GroupProps) {
-  const bounds = runs.flatMap(({review, originS}) => {
-    const curves = review.curves.value?.byField;
-    const one = curves && boundsOf(group, curves, shared.span, originS);
-    return one ? [one] : [];
-  });
-  const range =
-    bounds.length === 0
-      ? null
-      : {
-          low: Math.min(...bounds.map((one) => one.low)),
-          high: Math.max(...bounds.map((one) => one.high)),
-        };
+  const range = boundsOfAll(
+    runs.flatMap(({review, originS}) =>
+      group.map(({path}) => {
+        const curve = review.curves.value?.byField.get(path);
+        const {fromS, toS} = shared.span;
+        return curve === undefined ? null : boundsOf(curve, fromS + originS, toS + originS);
+      }),
+    ),
+  );
   return (
     <>
       {runs.map(({review, run, originS}) => (
@@ -660,7 +659,7 @@ function Group({group, runs, shared, shown}: GroupProps) {
             fields={group}
             curves={review.curves.value?.byField ?? new Map()}
             range={range}
-            happenings={inSpan(review, run, shared.span, originS)}
+            happenings={happeningsOf(review, run)}
             onRemove={(path) => choose(shown.filter((one) => one !== path))}
           />
         </div>
@@ -669,13 +668,11 @@ function Group({group, runs, shared, shown}: GroupProps) {
   );
 }
 
-/** The happenings in the part that shows: all of them where the file was read. */
-function inSpan(review: Review, run: Run, span: Span, originS: number): readonly Happening[] {
+/** All happenings of the part that shows, where the file was read. */
+function happeningsOf(review: Review, run: Run): readonly Happening[] {
   const curves = review.curves.value;
   const all = curves?.isExact === true ? curves.happenings : run.happenings;
-  return [...all, ...run.notes].filter(
-    (one) => one.atS >= span.fromS + originS && one.atS <= span.toS + originS,
-  );
+  return [...all, ...run.notes];
 }
 
 const kFoundMax = 60;
