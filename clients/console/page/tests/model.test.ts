@@ -2,7 +2,7 @@ import {describe, expect, it} from 'vitest';
 import {shareWithin} from '../src/model/latency';
 import {feedOf, sourceOf} from '../src/model/names';
 import {condition, freshness, readState, severity, standing} from '../src/model/state';
-import {clock, duration, fixed, micros} from '../src/parts/text';
+import {duration, fixed, micros} from '../src/parts/text';
 import {otherText, worstText} from '../src/views/device_status';
 import {readRun} from '../src/store/calibration';
 
@@ -103,8 +103,8 @@ describe('calibrations', () => {
 describe('text', () => {
   it('is as people read numbers and times', () => {
     expect([fixed(-0.001, 1), fixed(null, 1), fixed(-2, 0)]).toEqual(['0.0', '–', '−2']);
-    expect([clock(61.5, 1), clock(5)]).toEqual(['1:01.5', '0:05']);
-    expect([duration(0.004), duration(75), duration(7300)]).toEqual([
+    expect([duration(0.0025), duration(0.004), duration(75), duration(7300)]).toEqual([
+      '2.5 ms',
       '4 ms',
       '1 min 15 s',
       '2 h 1 min',

@@ -68,7 +68,7 @@ describe('directions', () => {
   it('are of devices that sense how they are turned', () => {
     const axes = (...names: string[]) =>
       ({
-        axes: names.map((name) => ({name, isSensed: true, isActuated: false})),
+        axes: names.map((name) => ({name, isSensed: true})),
       }) as unknown as Device;
     expect([sensesPlace(axes('rx', 'ry')), sensesTurn(axes('rx', 'ry'))]).toEqual([false, true]);
     expect([sensesPlace(axes('x', 'y', 'z')), sensesTurn(axes('x', 'y', 'z'))]).toEqual([

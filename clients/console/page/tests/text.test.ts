@@ -1,7 +1,8 @@
 import {afterEach, describe, expect, it} from 'vitest';
 import {check, valueText} from '../src/forms/validate';
 import type {Parameter} from '../src/forms/parameter';
-import {bytes, clock, dayAndTime, duration, fixed, micros, parsed, plain} from '../src/parts/text';
+import {momentText} from '../src/model/span';
+import {bytes, dayAndTime, duration, fixed, micros, parsed, plain} from '../src/parts/text';
 import {chooseMark, mark} from '../src/store/settings';
 import {choose, language} from '../src/texts/texts';
 
@@ -27,7 +28,7 @@ describe('the decimal mark', () => {
     expect(fixed(12345.6, 1)).toBe('12\u202f345,6');
     expect(plain(2.5e-5)).toBe('2,5e-5');
     expect(duration(1.5)).toBe('1,5 s');
-    expect(clock(61.5, 1)).toBe('1:01,5');
+    expect(momentText(61.5, 1)).toBe('1:01,5');
     expect(bytes(1_250_000)).toBe('1,3 MB');
     expect(micros(1500)).toBe('1,50 ms');
   });

@@ -98,10 +98,9 @@ export function PlotChart(props: Props) {
 function zoomOf(view: TimeView): Zoom {
   return {
     span: view.span,
-    // The past has no end that the page knows, and the future is empty.
-    whole: {fromS: -Infinity, toS: view.nowS()},
+    whole: view.whole,
     pinnedS: view.crosshairS.peek(),
-    setSpan: ({fromS, toS}) => view.show(fromS, toS),
+    setSpan: (span) => view.show(span),
     reset: () => {
       view.crosshairS.value = null;
       view.follow();

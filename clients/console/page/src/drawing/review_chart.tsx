@@ -4,7 +4,8 @@ import {boundsText, linearAxis, withMargin} from '../model/axis';
 import {boundsOf, valueAt, type Bounds, type Points} from '../model/points';
 import {shortName, type Happening, type ReviewField} from '../model/review';
 import {sizedScale, type ShownScale} from '../model/scale';
-import {digitsFor, lengthOf, lengthText, momentText, shifted, type Span} from '../model/span';
+import {digitsFor, lengthOf, momentText, shifted, type Span} from '../model/span';
+import {duration} from '../parts/text';
 import {texts} from '../texts/texts';
 import {sidesOf, tickMax, type Size} from './canvas';
 import {curveColour, isDashed, kPlain, type Line, type Scene} from './scene';
@@ -239,7 +240,7 @@ export function OverviewStrip({shared, originS, field, curve, ...props}: StripPr
       />
       <figcaption>
         {props.progress >= 1
-          ? words.stripText(field?.path ?? '', lengthText(props.lengthS))
+          ? words.stripText(field?.path ?? '', duration(props.lengthS))
           : words.stripReading(Math.round(100 * props.progress))}
       </figcaption>
     </figure>

@@ -8,6 +8,7 @@ import {
   type Server,
   type Standing,
 } from './state';
+import {finder} from './words';
 
 /** The conditions, in the order in which an operator looks for it. */
 
@@ -30,13 +31,9 @@ function rank(device: Device): number {
   return kConditions.indexOf(condition(device));
 }
 
-/** Whether each word of the search is a part of what is known of the device. */
-function isFound(device: Device, words: readonly string[], extra: string): boolean {
-  const {name, model, serial, className, lifecycle, faults, lease} = device;
-  const text = [name, model, serial, className, lifecycle, lease.state, ...faults, extra]
-    .join('\n')
-    .toLowerCase();
-  return words.every((word) => text.includes(word));
+/** What is known of the device, by which it is found. */
+function textOf({name, model, serial, className, lifecycle, faults, lease}: Device): string {
+  return [name, model, serial, className, lifecycle, lease.state, ...faults].join('\n');
 }
 
 /**
@@ -48,10 +45,10 @@ export function groupsOf(
   search: string,
   wordOf: (device: Device) => string,
 ): readonly Group[] {
-  const words = search.toLowerCase().split(/\s+/).filter(Boolean);
+  const isFound = finder(search);
   const byFolder = new Map<string, Device[]>();
   for (const device of devices) {
-    if (words.length > 0 && !isFound(device, words, wordOf(device))) continue;
+    if (!isFound(`${textOf(device)}\n${wordOf(device)}`)) continue;
     const folder = folderOf(device.name);
     const known = byFolder.get(folder);
     if (known === undefined) byFolder.set(folder, [device]);

@@ -1,5 +1,6 @@
-import {list, number, object, text} from '../protocol/fields';
+import {number, object, objects, text} from '../protocol/fields';
 import type {Json} from '../protocol/json';
+import {finder} from './words';
 
 export const kSeverities = ['info', 'warning', 'alarm'] as const;
 export type Severity = (typeof kSeverities)[number];
@@ -36,21 +37,19 @@ function timeOrNull(value: Json | undefined): number | null {
 export function readIncidents(value: Json): IncidentList {
   const all = object(value);
   return {
-    incidents: list(all['incidents'])
-      .map(object)
-      .map((one) => ({
-        id: number(one['id']),
-        who: text(one['who']),
-        what: text(one['what']),
-        why: text(one['why']),
-        severity: kSeverities.find((each) => each === one['severity']) ?? 'warning',
-        sinceNs: number(one['since_ns']),
-        untilNs: timeOrNull(one['until_ns']),
-        count: number(one['count'], 1),
-        recording: text(one['recording']),
-        acknowledgedBy: text(one['acknowledged_by']),
-        acknowledgedNs: timeOrNull(one['acknowledged_ns']),
-      })),
+    incidents: objects(all['incidents']).map((one) => ({
+      id: number(one['id']),
+      who: text(one['who']),
+      what: text(one['what']),
+      why: text(one['why']),
+      severity: kSeverities.find((each) => each === one['severity']) ?? 'warning',
+      sinceNs: number(one['since_ns']),
+      untilNs: timeOrNull(one['until_ns']),
+      count: number(one['count'], 1),
+      recording: text(one['recording']),
+      acknowledgedBy: text(one['acknowledged_by']),
+      acknowledgedNs: timeOrNull(one['acknowledged_ns']),
+    })),
     count: number(all['count']),
     droppedCount: number(all['dropped_count']),
   };
@@ -61,12 +60,11 @@ export type Show = (typeof kShows)[number];
 
 /** The incidents that an operator asks for. */
 export function chosen(incidents: readonly Incident[], show: Show, search: string): Incident[] {
-  const wanted = search.trim().toLowerCase();
+  const isFound = finder(search);
   return incidents.filter((one) => {
     if (show === 'open' && one.untilNs !== null) return false;
     if (show === 'unseen' && !isUnseen(one) && one.untilNs !== null) return false;
-    const words = `${one.who} ${one.what} ${one.why} ${one.acknowledgedBy} ${one.recording}`;
-    return words.toLowerCase().includes(wanted);
+    return isFound(`${one.who} ${one.what} ${one.why} ${one.acknowledgedBy} ${one.recording}`);
   });
 }
 

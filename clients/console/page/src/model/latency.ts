@@ -1,4 +1,4 @@
-import {list, number, numberOrNull, object, text} from '../protocol/fields';
+import {number, numberOrNull, object, objects, text} from '../protocol/fields';
 import type {Json} from '../protocol/json';
 
 /** What `console/latency` says: how long the console's own reads of each device took. */
@@ -28,25 +28,21 @@ export interface Latency {
 export function readLatency(value: Json): Latency {
   const latency = object(value);
   return {
-    targets: list(latency['targets'])
-      .map(object)
-      .map((target) => ({
-        name: text(target['name']),
-        p50Us: numberOrNull(target['p50_us']),
-        p90Us: numberOrNull(target['p90_us']),
-        p99Us: numberOrNull(target['p99_us']),
-        p999Us: numberOrNull(target['p999_us']),
-        maxUs: numberOrNull(target['max_us']),
-        count: number(target['count']),
-        failedCount: number(target['failed_count']),
-        bins: list(target['histogram'])
-          .map(object)
-          .map((bin) => ({
-            fromUs: number(bin['from_us']),
-            toUs: number(bin['to_us']),
-            count: number(bin['count']),
-          })),
+    targets: objects(latency['targets']).map((target) => ({
+      name: text(target['name']),
+      p50Us: numberOrNull(target['p50_us']),
+      p90Us: numberOrNull(target['p90_us']),
+      p99Us: numberOrNull(target['p99_us']),
+      p999Us: numberOrNull(target['p999_us']),
+      maxUs: numberOrNull(target['max_us']),
+      count: number(target['count']),
+      failedCount: number(target['failed_count']),
+      bins: objects(target['histogram']).map((bin) => ({
+        fromUs: number(bin['from_us']),
+        toUs: number(bin['to_us']),
+        count: number(bin['count']),
       })),
+    })),
   };
 }
 

@@ -3,12 +3,10 @@ import {Bytes} from '../flatbuffers/bytes';
 /** A camera, as console/state has it. */
 export interface Medium {
   readonly name: string;
-  readonly frame: string;
   readonly widthPx: number;
   readonly heightPx: number;
   readonly rateHz: number;
   readonly uncertaintyNs: number;
-  readonly lostCount: number;
   readonly problem: string;
 }
 

@@ -1,6 +1,7 @@
-import {flag, list, number, numberOrNull, numbers, object, text} from '../protocol/fields';
+import {flag, list, number, numberOrNull, numbers, object, objects, text} from '../protocol/fields';
 import type {Json, JsonObject} from '../protocol/json';
 import {pointsOf, type Points} from './points';
+import {finder} from './words';
 
 /** A recording under review. All times are in seconds since its beginning. */
 
@@ -94,9 +95,10 @@ export function readRun(file: string, reply: Json): Run {
     problem: text(json['problem']),
     progress: number(json['progress']),
     session: Object.entries(object(json['session'])).map(([name, value]) => [name, text(value)]),
-    fields: list(json['fields'])
-      .map(object)
-      .map((one) => ({path: text(one['path']), unit: text(one['unit'])})),
+    fields: objects(json['fields']).map((one) => ({
+      path: text(one['path']),
+      unit: text(one['unit']),
+    })),
     omittedFieldCount: number(json['omitted_field_count']),
     unreadableTopics: list(json['unreadable_topics']).map((one) => text(one)),
     happenings: readHappenings(beginNs, json),
@@ -117,54 +119,46 @@ export function readRun(file: string, reply: Json): Run {
 const kNothing = {endS: null, device: '', number: 0, madeNs: 0};
 
 export function readNotes(beginNs: bigint, notes: Json | undefined): Happening[] {
-  return list(notes)
-    .map(object)
-    .map((one) => ({
-      ...kNothing,
-      kind: 'note',
-      atS: secondsSince(beginNs, nsOf(one['time_ns'])),
-      text: text(one['text']),
-      madeNs: nsOf(one['made_ns']),
-      timeNs: nsOf(one['time_ns']),
-    }));
+  return objects(notes).map((one) => ({
+    ...kNothing,
+    kind: 'note',
+    atS: secondsSince(beginNs, nsOf(one['time_ns'])),
+    text: text(one['text']),
+    madeNs: nsOf(one['made_ns']),
+    timeNs: nsOf(one['time_ns']),
+  }));
 }
 
 function readHappenings(beginNs: bigint, json: JsonObject): Happening[] {
   const at = (value: Json | undefined) => secondsSince(beginNs, nsOf(value));
   const endOf = (one: JsonObject) =>
     numberOrNull(one['end_ns']) === null ? null : at(one['end_ns']);
-  const markers = list(json['markers'])
-    .map(object)
-    .map((one): Happening => ({
-      ...kNothing,
-      kind: 'marker',
-      atS: at(one['time_ns']),
-      text: text(one['label']),
-      timeNs: nsOf(one['time_ns']),
-    }));
-  const trials = list(json['trials'])
-    .map(object)
-    .map((one): Happening => ({
-      ...kNothing,
-      kind: 'trial',
-      atS: at(one['begin_ns']),
-      endS: endOf(one),
-      text: [text(one['condition']), text(one['response'])].filter((part) => part).join(' → '),
-      number: number(one['number']),
-      timeNs: nsOf(one['begin_ns']),
-    }));
+  const markers = objects(json['markers']).map((one): Happening => ({
+    ...kNothing,
+    kind: 'marker',
+    atS: at(one['time_ns']),
+    text: text(one['label']),
+    timeNs: nsOf(one['time_ns']),
+  }));
+  const trials = objects(json['trials']).map((one): Happening => ({
+    ...kNothing,
+    kind: 'trial',
+    atS: at(one['begin_ns']),
+    endS: endOf(one),
+    text: [text(one['condition']), text(one['response'])].filter((part) => part).join(' → '),
+    number: number(one['number']),
+    timeNs: nsOf(one['begin_ns']),
+  }));
   const kKinds = ['fault', 'stop', 'lost', 'lease'] as const;
-  const incidents = list(json['incidents'])
-    .map(object)
-    .map((one): Happening => ({
-      ...kNothing,
-      kind: kKinds.find((kind) => kind === text(one['kind'])) ?? 'fault',
-      atS: at(one['begin_ns']),
-      endS: endOf(one),
-      text: text(one['what']),
-      device: text(one['device']),
-      timeNs: nsOf(one['begin_ns']),
-    }));
+  const incidents = objects(json['incidents']).map((one): Happening => ({
+    ...kNothing,
+    kind: kKinds.find((kind) => kind === text(one['kind'])) ?? 'fault',
+    atS: at(one['begin_ns']),
+    endS: endOf(one),
+    text: text(one['what']),
+    device: text(one['device']),
+    timeNs: nsOf(one['begin_ns']),
+  }));
   return [...markers, ...trials, ...incidents].sort((a, b) => a.atS - b.atS);
 }
 
@@ -173,7 +167,7 @@ export function readCurves(beginNs: bigint, reply: Json): Curves {
   const beginS = secondsSince(beginNs, nsOf(json['begin_ns']));
   const stepS = number(json['bucket_ns'], 1) / 1e9;
   const byField = new Map<string, Points>();
-  for (const one of list(json['series']).map(object)) {
+  for (const one of objects(json['series'])) {
     const read = (name: string) => list(one[name]).map(numberOrNull);
     const values = read('values');
     const low = read('low');
@@ -230,18 +224,8 @@ export function search(
   words: string,
   countMax: number,
 ): readonly ReviewField[] {
-  const parts = words
-    .toLowerCase()
-    .split(/\s+/)
-    .filter((part) => part !== '');
-  const found: ReviewField[] = [];
-  for (const field of fields) {
-    const path = field.path.toLowerCase();
-    if (!parts.every((part) => path.includes(part))) continue;
-    found.push(field);
-    if (found.length >= countMax) break;
-  }
-  return found;
+  const isFound = finder(words);
+  return fields.filter(({path}) => isFound(path)).slice(0, countMax);
 }
 
 /** "position_m.x" of "lab/arm0/sampled.position_m.x"; the device is told apart from it. */

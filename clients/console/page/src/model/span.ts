@@ -1,4 +1,3 @@
-import {plain} from '../parts/text';
 import {mark} from '../store/settings';
 
 /** Parts of a time axis in seconds, and how they are zoomed, moved and labelled. */
@@ -106,15 +105,4 @@ export function clockText(seconds: number, digits: number, hasSeconds: boolean):
   const point = mark.value === 'comma' ? ',' : '.';
   const fraction = String(date.getMilliseconds()).padStart(3, '0').slice(0, digits);
   return `${minute}:${two(date.getSeconds())}${fraction === '' ? '' : point + fraction}`;
-}
-
-/** 2.5e-3 as "2.5 ms". */
-export function lengthText(seconds: number): string {
-  if (seconds < 1e-3) return `${plain(Number((seconds * 1e6).toPrecision(3)))} µs`;
-  if (seconds < 1) return `${plain(Number((seconds * 1e3).toPrecision(3)))} ms`;
-  if (seconds < 60) return `${plain(Number(seconds.toPrecision(3)))} s`;
-  const minutes = Math.floor(seconds / 60);
-  return minutes < 60
-    ? `${minutes} min ${Math.floor(seconds % 60)} s`
-    : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
 }

@@ -1,5 +1,15 @@
 import type {Medium} from './picture';
-import {flag, list, number, numberOrNull, numbers, object, text, texts} from '../protocol/fields';
+import {
+  flag,
+  list,
+  number,
+  numberOrNull,
+  numbers,
+  object,
+  objects,
+  text,
+  texts,
+} from '../protocol/fields';
 import type {Json, JsonObject} from '../protocol/json';
 
 /** What `console/state` says: the whole system, as the console sees it. */
@@ -35,7 +45,6 @@ export interface Scale {
 export interface Axis {
   readonly name: string;
   readonly isSensed: boolean;
-  readonly isActuated: boolean;
 }
 
 export interface Device {
@@ -275,49 +284,39 @@ export function readState(value: Json): ConsoleState {
       isOk: flag(hub['ok']),
       problem: text(hub['problem']),
       consumerCount: number(hub['consumer_count']),
-      consumers: list(hub['consumers'])
-        .map(object)
-        .map((one) => ({
-          name: text(one['name']),
-          program: text(one['program']),
-          host: text(one['host']),
-          lagMs: numberOrNull(one['lag_ms']),
-          waitingCount: number(one['waiting']),
-          deliveredPerSecond: number(one['delivered_per_s']),
-          droppedCount: number(one['dropped_count']),
-          isSuspended: flag(one['is_suspended']),
-        })),
+      consumers: objects(hub['consumers']).map((one) => ({
+        name: text(one['name']),
+        program: text(one['program']),
+        host: text(one['host']),
+        lagMs: numberOrNull(one['lag_ms']),
+        waitingCount: number(one['waiting']),
+        deliveredPerSecond: number(one['delivered_per_s']),
+        droppedCount: number(one['dropped_count']),
+        isSuspended: flag(one['is_suspended']),
+      })),
       eventsPerSecond: number(hub['event_per_s']),
     },
     servers: list(state['servers']).map((one) => readServer(object(one))),
-    objects: list(state['objects'])
-      .map(object)
-      .map((one) => ({
-        name: text(one['name']),
-        interface: text(one['interface']),
-        url: text(one['url']),
-      })),
+    objects: objects(state['objects']).map((one) => ({
+      name: text(one['name']),
+      interface: text(one['interface']),
+      url: text(one['url']),
+    })),
     devices: list(state['devices']).map((one) => readDevice(object(one))),
-    media: list(state['media'])
-      .map(object)
-      .map((one) => ({
-        name: text(one['name']),
-        frame: text(one['frame']),
-        widthPx: number(one['width_px']),
-        heightPx: number(one['height_px']),
-        rateHz: number(one['rate_hz']),
-        uncertaintyNs: number(one['uncertainty_ns']),
-        lostCount: number(one['lost_count']),
-        problem: text(one['problem']),
-      })),
-    notStopped: list(state['not_stopped'])
-      .map(object)
-      .map((one) => ({
-        device: text(one['device']),
-        url: text(one['url']),
-        why: text(one['why']),
-        sinceS: number(one['since_s']),
-      })),
+    media: objects(state['media']).map((one) => ({
+      name: text(one['name']),
+      widthPx: number(one['width_px']),
+      heightPx: number(one['height_px']),
+      rateHz: number(one['rate_hz']),
+      uncertaintyNs: number(one['uncertainty_ns']),
+      problem: text(one['problem']),
+    })),
+    notStopped: objects(state['not_stopped']).map((one) => ({
+      device: text(one['device']),
+      url: text(one['url']),
+      why: text(one['why']),
+      sinceS: number(one['since_s']),
+    })),
     recording: readRecording(object(state['recording'])),
     replay: readReplay(object(state['replay'])),
     incidents: readIncidentState(object(state['incidents'])),
@@ -348,19 +347,17 @@ function readServer(server: JsonObject): Server {
     port: number(server['port']),
     processId: number(server['process_id']),
     isAlive: flag(server['alive']),
-    lanes: list(server['lanes'])
-      .map(object)
-      .map((lane) => ({
-        name: text(lane['name']),
-        band: numbers(lane['band']),
-        schedule: text(lane['schedule']),
-        wait: text(lane['wait']),
-        callsPerSecond: number(lane['calls_per_s']),
-        dropsPerSecond: number(lane['drops_per_s']),
-        longestCycleUs: numberOrNull(lane['longest_cycle_us']),
-        queued: number(lane['queued']),
-        busy: number(lane['busy']),
-      })),
+    lanes: objects(server['lanes']).map((lane) => ({
+      name: text(lane['name']),
+      band: numbers(lane['band']),
+      schedule: text(lane['schedule']),
+      wait: text(lane['wait']),
+      callsPerSecond: number(lane['calls_per_s']),
+      dropsPerSecond: number(lane['drops_per_s']),
+      longestCycleUs: numberOrNull(lane['longest_cycle_us']),
+      queued: number(lane['queued']),
+      busy: number(lane['busy']),
+    })),
   };
 }
 
@@ -393,13 +390,10 @@ function readDevice(device: JsonObject): Device {
     forceMaxNewton: number(device['force_newton_max']),
     workspaceLowM: numbers(device['workspace_low_m']),
     workspaceHighM: numbers(device['workspace_high_m']),
-    axes: list(device['axes'])
-      .map(object)
-      .map((axis) => ({
-        name: text(axis['name']),
-        isSensed: flag(axis['is_sensed']),
-        isActuated: flag(axis['is_actuated']),
-      })),
+    axes: objects(device['axes']).map((axis) => ({
+      name: text(axis['name']),
+      isSensed: flag(axis['is_sensed']),
+    })),
     buttons: texts(device['buttons']),
     analogs: list(device['analogs']).map(readScale),
     joints: list(device['joints']).map(readScale),

@@ -56,6 +56,16 @@ export function Empty({children}: {children: ComponentChildren}) {
   return <p class="empty">{children}</p>;
 }
 
+/** Why something did not go; empty: it did. */
+export function Problem({text}: {text: string}) {
+  if (text === '') return null;
+  return (
+    <p class="problem" role="alert">
+      {text}
+    </p>
+  );
+}
+
 interface ConfirmProps {
   label: string;
   question: string;

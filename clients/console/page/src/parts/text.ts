@@ -56,7 +56,8 @@ export function parsed(typed: string): number | null {
 }
 
 export function duration(seconds: number): string {
-  if (seconds < 1) return `${Math.round(seconds * 1000)} ms`;
+  if (seconds < 1e-3) return `${fixed(seconds * 1e6, 0)} µs`;
+  if (seconds < 1) return `${plain(Number((seconds * 1e3).toPrecision(3)))} ms`;
   if (seconds < 60) return `${fixed(seconds, seconds < 10 ? 1 : 0)} s`;
   const minutes = Math.floor(seconds / 60);
   if (minutes < 60) return `${minutes} min ${Math.floor(seconds % 60)} s`;
@@ -64,14 +65,6 @@ export function duration(seconds: number): string {
   return hours < 48
     ? `${hours} h ${minutes % 60} min`
     : texts.value.numbers.days(Math.floor(hours / 24));
-}
-
-/** 61.5 as "1:01.5". */
-export function clock(seconds: number, digits = 0): string {
-  const whole = Math.max(0, seconds);
-  const minutes = Math.floor(whole / 60);
-  const rest = (whole % 60).toFixed(digits).padStart(digits === 0 ? 2 : 3 + digits, '0');
-  return `${minutes}:${marked(rest)}`;
 }
 
 function locale(): string {

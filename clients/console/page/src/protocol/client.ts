@@ -1,5 +1,5 @@
 import {Decoder, type DecodedTable} from '../flatbuffers/decode';
-import {list, number, object, text} from './fields';
+import {list, number, object, objects, text} from './fields';
 import {readFrame, writeRequest} from './frames';
 import {parseJson, writeJson, type Json, type JsonObject} from './json';
 
@@ -123,10 +123,6 @@ export class Client {
     if (this.isOpen) this.send({op: 'subscribeParameterUpdates', parameterNames: names});
   }
 
-  unwatchParameters(names: readonly string[]): void {
-    if (this.isOpen) this.send({op: 'unsubscribeParameterUpdates', parameterNames: names});
-  }
-
   /** Rejects with CallError. */
   call(service: string, request: Json, timeoutMs: number): Promise<Json> {
     const serviceId = this.services.get(service);
@@ -197,7 +193,7 @@ export class Client {
         this.listener.onChannels(this.channels);
         break;
       case 'advertiseServices':
-        for (const one of list(message['services']).map(object)) {
+        for (const one of objects(message['services'])) {
           this.services.set(text(one['name']), number(one['id']));
         }
         this.listener.onServices(new Set(this.services.keys()));

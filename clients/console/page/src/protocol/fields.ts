@@ -14,6 +14,10 @@ export function list(value: Json | undefined): readonly Json[] {
   return Array.isArray(value) ? (value as readonly Json[]) : [];
 }
 
+export function objects(value: Json | undefined): JsonObject[] {
+  return list(value).map(object);
+}
+
 export function text(value: Json | undefined, otherwise = ''): string {
   return typeof value === 'string' ? value : otherwise;
 }

@@ -1,5 +1,5 @@
 import {signal, type Signal} from '@preact/signals';
-import {list, number, object, text, texts, whole} from '../protocol/fields';
+import {number, object, objects, text, texts, whole} from '../protocol/fields';
 import type {Json} from '../protocol/json';
 import {readAnswer, readValue, wordsOf, type ParameterType, type Value} from '../forms/parameter';
 import type {CallConfig} from '../forms/form';
@@ -48,13 +48,11 @@ export function readRun(reply: Json): Run {
     prompt: number(fields['prompt']),
     text: text(fields['text']),
     answers: texts(fields['answers']),
-    settings: list(fields['settings'])
-      .map(object)
-      .map((setting) => {
-        const value = object(setting['value']);
-        const type = kTypes.find((one) => one === value['type']) ?? kTypes[number(value['type'])];
-        return {name: text(setting['name']), value: readValue(type ?? 'Real', value)};
-      }),
+    settings: objects(fields['settings']).map((setting) => {
+      const value = object(setting['value']);
+      const type = kTypes.find((one) => one === value['type']) ?? kTypes[number(value['type'])];
+      return {name: text(setting['name']), value: readValue(type ?? 'Real', value)};
+    }),
   };
 }
 
@@ -80,12 +78,10 @@ export class Calibration {
   async open(): Promise<void> {
     try {
       const reply = object(await this.call('calibrations', {}));
-      this.offers.value = list(reply['calibrations'])
-        .map(object)
-        .map((one) => ({
-          name: text(one['name']),
-          description: text(one['description']),
-        }));
+      this.offers.value = objects(reply['calibrations']).map((one) => ({
+        name: text(one['name']),
+        description: text(one['description']),
+      }));
       const run = whole(reply['run']);
       this.problem.value = '';
       if (run !== 0 && this.run.value === null) await this.ask('calibration', {run});

@@ -3,7 +3,7 @@ import type {CallError} from '../protocol/client';
 import {list, number, object, text, texts as strings} from '../protocol/fields';
 import type {Json, JsonObject} from '../protocol/json';
 import {texts} from '../texts/texts';
-import {recall, remember} from './kept';
+import {recallJson, remember} from './kept';
 import type {Link} from './link';
 
 /** The part of a recording: all of it, between times, between marks, or trials. */
@@ -98,18 +98,14 @@ export class Exports {
 
   /** The choice that this browser made last, of what any recording has. */
   lastChoice(): TableChoice {
-    try {
-      const kept = object(JSON.parse(recall(kKey) ?? '{}') as Json);
-      const rateHz = number(kept['rateHz'], 0);
-      return {
-        ...kWhole,
-        isJoined: kept['isJoined'] !== false,
-        rateHz: rateHz > 0 ? rateHz : null,
-        columns: strings(kept['columns']),
-      };
-    } catch {
-      return kWhole;
-    }
+    const kept = object(recallJson(kKey));
+    const rateHz = number(kept['rateHz'], 0);
+    return {
+      ...kWhole,
+      isJoined: kept['isJoined'] !== false,
+      rateHz: rateHz > 0 ? rateHz : null,
+      columns: strings(kept['columns']),
+    };
   }
 
   async contents(file: string): Promise<Contents | null> {

@@ -1,4 +1,4 @@
-import {list, number, object, text} from '../protocol/fields';
+import {number, object, objects, text} from '../protocol/fields';
 import type {Json, JsonObject} from '../protocol/json';
 import type {Link} from './link';
 
@@ -37,7 +37,7 @@ export async function readFlightRecord(link: Link, device: string): Promise<Flig
   const cycles: JsonObject[] = [];
   for (let page = 0; page < kPageMax; ++page) {
     const reply = object(await link.call(`${device}/read_flight_record`, {first: cycles.length}));
-    const part = list(reply['cycles']).map(object);
+    const part = objects(reply['cycles']);
     cycles.push(...part);
     if (number(reply['number']) === 0) return null;
     if (part.length === 0 || cycles.length >= number(reply['cycle_count'])) {

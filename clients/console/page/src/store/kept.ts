@@ -1,8 +1,19 @@
+import {parseJson, type Json} from '../protocol/json';
+
 /** Choices of this browser. Where it keeps none, or forbids to, they last as long as the page. */
 
 export function recall(key: string): string | null {
   try {
     return globalThis.localStorage?.getItem(key) ?? null;
+  } catch {
+    return null;
+  }
+}
+
+/** What was kept as JSON; null: nothing, or nothing that can be read. */
+export function recallJson(key: string): Json {
+  try {
+    return parseJson(recall(key) ?? 'null');
   } catch {
     return null;
   }

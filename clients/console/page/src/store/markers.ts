@@ -1,8 +1,8 @@
 import {computed, signal, type ReadonlySignal, type Signal} from '@preact/signals';
-import {list, number, numberOrNull, object, text} from '../protocol/fields';
+import {list, number, numberOrNull, object, objects, text} from '../protocol/fields';
 import type {Json, JsonObject} from '../protocol/json';
 import type {CallError, Message} from '../protocol/client';
-import {recall, remember} from './kept';
+import {recallJson, remember} from './kept';
 import type {Link} from './link';
 
 export type Phase = 'mark' | 'begin' | 'end';
@@ -294,15 +294,10 @@ export function trialsOf(markers: readonly Marker[]): Trial[] {
 }
 
 function readButtons(): readonly MarkButton[] {
-  try {
-    const kept = JSON.parse(recall(kButtonsKey) ?? 'null') as Json;
-    if (!Array.isArray(kept)) return kFirstButtons;
-    return list(kept)
-      .map(object)
-      .map((one) => ({label: text(one['label']), key: text(one['key'])}))
-      .filter((one) => one.label !== '')
-      .slice(0, kButtonMax);
-  } catch {
-    return kFirstButtons;
-  }
+  const kept = recallJson(kButtonsKey);
+  if (!Array.isArray(kept)) return kFirstButtons;
+  return objects(kept)
+    .map((one) => ({label: text(one['label']), key: text(one['key'])}))
+    .filter((one) => one.label !== '')
+    .slice(0, kButtonMax);
 }

@@ -2,7 +2,7 @@ import {effect, signal, type ReadonlySignal, type Signal} from '@preact/signals'
 import {fieldReader, isChange, liveTopicOf, splitPath, subjectOf, unitOf} from '../model/fields';
 import {kNoPast, type Curve, type Past} from '../model/points';
 import type {Device} from '../model/state';
-import {list, number, numbers, object, text} from '../protocol/fields';
+import {number, numbers, object, objects, text} from '../protocol/fields';
 import type {Link} from './link';
 import {Series} from './series';
 
@@ -107,9 +107,10 @@ export class PlotData {
   async find(query: string, count: number): Promise<FoundFields> {
     const reply = object(await this.link.call('console/fields', {query, count}));
     return {
-      fields: list(reply['fields'])
-        .map(object)
-        .map((one) => ({path: text(one['path']), unit: text(one['unit'])})),
+      fields: objects(reply['fields']).map((one) => ({
+        path: text(one['path']),
+        unit: text(one['unit']),
+      })),
       totalCount: number(reply['total_count']),
     };
   }
@@ -137,7 +138,7 @@ export class PlotData {
           points: kPointMax,
         }),
       );
-      for (const column of list(reply['columns']).map(object)) this.take(column);
+      for (const column of objects(reply['columns'])) this.take(column);
       this.problem.value = '';
     } catch (error) {
       this.problem.value = (error as Error).message;

@@ -16,11 +16,10 @@ import {
   type Plot,
   type Threshold,
 } from '../model/layout';
-import type {Span} from '../model/span';
+import {lengthOf, moved, timeAt, within, zoomed, type Span} from '../model/span';
 import type {Device} from '../model/state';
 import {list} from '../protocol/fields';
-import {parseJson, type Json} from '../protocol/json';
-import {recall, remember} from './kept';
+import {recallJson, remember} from './kept';
 import {PlotData} from './plot_data';
 import type {Link} from './link';
 import type {ReadonlySignal} from '@preact/signals';
@@ -30,14 +29,13 @@ const kCurrentKey = 'rtpm.plots.current';
 const kSavedMax = 50;
 const kShared = 'layout/';
 const kOfDevice = 'of/';
-const kSpanMinS = 0.001;
 
 const kEmpty: Layout = {name: '', windowS: 30, plots: []};
 
-/** The range of time that all plots show, and their common crosshair. */
+/** The time that all plots show, and their common crosshair. */
 export class TimeView {
-  /** The range that stays; null: the newest `windowS` seconds. */
-  readonly fixed: Signal<{readonly beginS: number; readonly endS: number} | null> = signal(null);
+  /** The span that stays; null: the newest `windowS` seconds. */
+  readonly fixed: Signal<Span | null> = signal(null);
   readonly crosshairS: Signal<number | null> = signal(null);
   /** The part that a pointer draws. */
   readonly brush: Signal<Span | null> = signal(null);
@@ -45,46 +43,41 @@ export class TimeView {
   constructor(
     private readonly windowS: () => number,
     /** The console's clock. */
-    readonly nowS: () => number,
+    private readonly nowS: () => number,
   ) {}
 
-  range(): readonly [number, number] {
-    const fixed = this.fixed.peek();
-    const now = this.nowS();
-    return fixed === null ? [now - this.windowS(), now] : [fixed.beginS, fixed.endS];
+  get span(): Span {
+    const toS = this.nowS();
+    return this.fixed.peek() ?? {fromS: toS - this.windowS(), toS};
   }
 
-  get span(): Span {
-    const [fromS, toS] = this.range();
-    return {fromS, toS};
+  /** The past has no end that the page knows, and the future is empty. */
+  get whole(): Span {
+    return {fromS: -Infinity, toS: this.nowS()};
   }
 
   pause(): void {
-    const [beginS, endS] = this.range();
-    this.fixed.value = {beginS, endS};
+    this.fixed.value = this.span;
   }
 
   follow(): void {
     this.fixed.value = null;
   }
 
-  show(beginS: number, endS: number): void {
-    const span = Math.min(kWindowMaxS, Math.max(kSpanMinS, endS - beginS));
-    // The future is empty.
-    const end = Math.min((beginS + endS + span) / 2, this.nowS());
-    this.fixed.value = {beginS: end - span, endS: end};
+  show(span: Span): void {
+    const excessS = Math.max(0, lengthOf(span) - kWindowMaxS) / 2;
+    const shown = {fromS: span.fromS + excessS, toS: span.toS - excessS};
+    this.fixed.value = within(shown, this.whole);
   }
 
-  /** Below 1: closer. What is at `aboutS` stays where it is. */
-  zoom(factor: number, aboutS?: number): void {
-    const [beginS, endS] = this.range();
-    const about = aboutS ?? (beginS + endS) / 2;
-    this.show(about + (beginS - about) * factor, about + (endS - about) * factor);
+  /** Below 1: closer. */
+  zoom(factor: number): void {
+    this.show(zoomed(this.span, factor, timeAt(this.span, 0.5), this.whole));
   }
 
-  pan(byS: number): void {
-    const [beginS, endS] = this.range();
-    this.show(beginS + byS, endS + byS);
+  /** By a share of what shows. */
+  move(share: number): void {
+    this.show(moved(this.span, share, this.whole));
   }
 }
 
@@ -279,21 +272,13 @@ function sorted(layouts: readonly Layout[]): readonly Layout[] {
   return [...layouts].sort((a, b) => a.name.localeCompare(b.name));
 }
 
-function readStored(key: string): Json {
-  try {
-    return parseJson(recall(key) ?? 'null');
-  } catch {
-    return null;
-  }
-}
-
 function readSaved(): readonly Layout[] {
-  return list(readStored(kSavedKey))
+  return list(recallJson(kSavedKey))
     .slice(0, kSavedMax)
     .map(readLayout)
     .filter((one) => one !== null && one.name !== '') as Layout[];
 }
 
 function readCurrent(): Layout | null {
-  return readLayout(readStored(kCurrentKey));
+  return readLayout(recallJson(kCurrentKey));
 }

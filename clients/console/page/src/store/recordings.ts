@@ -1,5 +1,5 @@
 import {signal, type Signal} from '@preact/signals';
-import {flag, list, number, object, text, texts as fieldTexts} from '../protocol/fields';
+import {flag, number, object, objects, text, texts as fieldTexts} from '../protocol/fields';
 import type {Json} from '../protocol/json';
 import {texts} from '../texts/texts';
 import type {Link} from './link';
@@ -25,14 +25,12 @@ export interface Deleted {
 }
 
 function readDeleted(reply: Json): readonly Deleted[] {
-  return list(object(reply)['deleted'])
-    .map(object)
-    .map((one) => ({
-      id: text(one['id']),
-      file: text(one['file']),
-      deletedMs: number(one['deleted_ns']) / 1e6,
-      byteCount: number(one['byte_count']),
-    }));
+  return objects(object(reply)['deleted']).map((one) => ({
+    id: text(one['id']),
+    file: text(one['file']),
+    deletedMs: number(one['deleted_ns']) / 1e6,
+    byteCount: number(one['byte_count']),
+  }));
 }
 
 /** A session and its selection; an empty list of devices: all. */
@@ -67,8 +65,7 @@ export class Recordings {
     this.takePurged(reply);
     this.deleted.value = readDeleted(reply);
     this.omittedCount.value = number(object(reply)['omitted_count']);
-    this.entries.value = list(object(reply)['files'])
-      .map(object)
+    this.entries.value = objects(object(reply)['files'])
       .map((one) => ({
         file: text(one['file']),
         byteCount: number(one['byte_count']),

@@ -1,5 +1,5 @@
 import {signal, type Signal} from '@preact/signals';
-import {list, object, text, texts} from '../protocol/fields';
+import {object, objects, text, texts} from '../protocol/fields';
 import {CallError} from '../protocol/client';
 import {texts as shown} from '../texts/texts';
 import type {Link} from './link';
@@ -38,9 +38,9 @@ export class Stop {
     try {
       const request = device === undefined ? {} : {device};
       const reply = object(await this.link.call('console/estop', request, kTimeoutMs));
-      const failed = list(reply['failed'])
-        .map(object)
-        .map((one) => `${text(one['device'], '?')}: ${text(one['why'], '?')}`);
+      const failed = objects(reply['failed']).map(
+        (one) => `${text(one['device'], '?')}: ${text(one['why'], '?')}`,
+      );
       const stopped = texts(reply['stopped']);
       const notes = texts(reply['notes']);
       if (failed.length === 0 && stopped.length === 0 && notes.length > 0) failed.push(...notes);

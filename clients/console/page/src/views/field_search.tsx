@@ -1,11 +1,13 @@
 import {useEffect, useState} from 'preact/hooks';
 import {sampleFields, unitOf} from '../model/fields';
 import {kCurveMax, kCurvesInAllMax} from '../model/layout';
+import {finder} from '../model/words';
 import {Combobox, type Option} from '../parts/combobox';
 import {thousands} from '../parts/text';
 import {useApp} from '../store/app';
 import type {Found, FoundFields} from '../store/plot_data';
 import {titleOf} from '../store/plots';
+import {Problem} from '../parts/parts';
 import {texts} from '../texts/texts';
 
 const kShownMax = 60;
@@ -105,19 +107,13 @@ export function FieldSearch({inputRef}: {inputRef: {current: HTMLInputElement | 
           <option value={String(layout.plots.length)}>{words.newPlot}</option>
         </select>
       </label>
-      {problem !== '' && (
-        <p class="problem" role="alert">
-          {problem}
-        </p>
-      )}
+      <Problem text={problem} />
     </div>
   );
 }
 
 function searchIn(paths: readonly string[], query: string): FoundFields {
-  const words = query.toLowerCase().split(' ');
-  const fits = (path: string) => words.every((word) => path.toLowerCase().includes(word));
-  const all = paths.filter(fits);
+  const all = paths.filter(finder(query));
   const fields: Found[] = all.slice(0, kShownMax).map((path) => ({path, unit: unitOf(path, null)}));
   return {fields, totalCount: all.length};
 }

@@ -3,7 +3,7 @@ import {useApp} from '../store/app';
 import {kViews, writeRoute, type View} from '../store/route';
 import {severity} from '../model/state';
 import {Popup} from '../parts/popup';
-import {clock} from '../parts/text';
+import {momentText} from '../model/span';
 import {texts} from '../texts/texts';
 import {worstText} from './device_status';
 import {Settings} from './settings';
@@ -124,7 +124,7 @@ function RecordStatus() {
       aria-label={texts.value.header.recording(recording.file, Math.floor(recording.timeS))}
     >
       <i aria-hidden="true" />
-      REC {clock(recording.timeS)}
+      REC {momentText(recording.timeS, 0)}
     </a>
   );
 }

@@ -3,6 +3,7 @@ import {deviceLayout, kNameMax} from '../model/layout';
 import {Popup} from '../parts/popup';
 import {useApp} from '../store/app';
 import {writeRoute} from '../store/route';
+import {Problem} from '../parts/parts';
 import {texts} from '../texts/texts';
 
 const kOfferedMax = 200;
@@ -57,11 +58,7 @@ export function LayoutMenu() {
           {isCopied ? words.copied : words.copyLink}
         </button>
       </form>
-      {problem !== '' && (
-        <p class="problem" role="alert">
-          {problem}
-        </p>
-      )}
+      <Problem text={problem} />
       <h3>{words.saved}</h3>
       {plots.saved.value.length === 0 && <p class="quiet small">{words.noneSaved}</p>}
       <ul>

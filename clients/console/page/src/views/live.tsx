@@ -5,6 +5,7 @@ import {plotsOfDevice} from '../store/plots';
 import {writeRoute} from '../store/route';
 import {texts} from '../texts/texts';
 import {byUnit, type PlacedScale} from '../model/scale';
+import {finder} from '../model/words';
 import {
   freshness,
   kStaleMs,
@@ -84,8 +85,7 @@ function DevicePicker({names, chosen}: {names: readonly string[]; chosen: string
   const words = texts.value.live;
   const [query, setQuery] = useState('');
   const [isOpen, setOpen] = useState(false);
-  const wanted = query.toLowerCase().split(' ');
-  const found = names.filter((name) => wanted.every((word) => name.toLowerCase().includes(word)));
+  const found = names.filter(finder(query));
   const options = found.slice(0, kOfferedMax).map((name): Option => {
     const device = app.device(name);
     return {

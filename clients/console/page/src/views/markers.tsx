@@ -2,8 +2,9 @@ import {signal, useSignal} from '@preact/signals';
 import {useEffect} from 'preact/hooks';
 import {useApp, type App} from '../store/app';
 import {kButtonMax, type MarkButton, type Marker, type Trial} from '../store/markers';
-import {Badge, Notice} from '../parts/parts';
-import {clock, duration, thousands, timeOfDay} from '../parts/text';
+import {Badge, Notice, Problem} from '../parts/parts';
+import {momentText} from '../model/span';
+import {duration, thousands, timeOfDay} from '../parts/text';
 import {texts} from '../texts/texts';
 
 export const kBeginKey = 'b';
@@ -135,7 +136,7 @@ function Since({trial}: {trial: Trial}) {
   const app = useApp();
   // It goes on with each state of the console.
   const nowNs = app.state.value?.timeNs ?? trial.beginNs;
-  return <span class="number">{clock(Math.max(0, nowNs - trial.beginNs) / 1e9)}</span>;
+  return <span class="number">{momentText(Math.max(0, nowNs - trial.beginNs) / 1e9, 0)}</span>;
 }
 
 /** Begins the next trial, or ends the open one. */
@@ -238,11 +239,7 @@ function Editor() {
           </button>
         </div>
       ))}
-      {problem !== '' && (
-        <p class="problem" role="alert">
-          {problem}
-        </p>
-      )}
+      <Problem text={problem} />
       <button
         type="button"
         disabled={buttons.length >= kButtonMax}

@@ -58,8 +58,8 @@ export function PlotsView() {
   useEffect(
     () =>
       eachFrame(() => {
-        const [beginS, endS] = plots.view.range();
-        plots.data.refresh(beginS, endS, plots.view.fixed.peek() === null);
+        const {fromS, toS} = plots.view.span;
+        plots.data.refresh(fromS, toS, plots.view.fixed.peek() === null);
       }),
     [],
   );
@@ -108,10 +108,6 @@ function Toolbar() {
   const {view, layout} = app.plots;
   const words = texts.value.plots;
   const isPaused = view.fixed.value !== null;
-  const span = () => {
-    const [beginS, endS] = view.range();
-    return endS - beginS;
-  };
   return (
     <div class="plots-bar">
       <LayoutMenu />
@@ -130,10 +126,10 @@ function Toolbar() {
         >
           {isPaused ? `▶ ${words.follow}` : `❚❚ ${words.pause}`}
         </button>
-        <button type="button" aria-label={words.earlier} onClick={() => view.pan(-kPan * span())}>
+        <button type="button" aria-label={words.earlier} onClick={() => view.move(-kPan)}>
           ←
         </button>
-        <button type="button" aria-label={words.later} onClick={() => view.pan(kPan * span())}>
+        <button type="button" aria-label={words.later} onClick={() => view.move(kPan)}>
           →
         </button>
         <button type="button" aria-label={words.closer} onClick={() => view.zoom(kZoom)}>
@@ -204,7 +200,7 @@ function trailOf(app: App, device: string): readonly Direction[] {
   const right = data.field(`${device}/sampled.direction_deg.right`)?.ring;
   const up = data.field(`${device}/sampled.direction_deg.up`)?.ring;
   if (right === undefined || up === undefined) return [];
-  const endS = view.crosshairS.peek() ?? view.range()[1];
+  const endS = view.crosshairS.peek() ?? view.span.toS;
   const trail: Direction[] = [];
   const last = right.rowAt(endS);
   for (let row = right.rowAt(endS - kTrailS); row < last; ++row) {

@@ -1,5 +1,6 @@
 import {useSignal} from '@preact/signals';
 import {useEffect} from 'preact/hooks';
+import {finder} from '../model/words';
 import {useApp} from '../store/app';
 import type {Entry} from '../store/recordings';
 import {writeRoute} from '../store/route';
@@ -116,15 +117,6 @@ function compare(a: Entry, b: Entry, column: Column): number {
   return String(one).localeCompare(String(other), undefined, {numeric: true});
 }
 
-function hasWords(entry: Entry, words: string): boolean {
-  const text =
-    `${entry.file} ${entry.participant} ${entry.experiment} ${entry.condition}`.toLowerCase();
-  return words
-    .toLowerCase()
-    .split(/\s+/)
-    .every((word) => text.includes(word));
-}
-
 function List({entries, hasService}: {entries: readonly Entry[] | null; hasService: boolean}) {
   const words = texts.value.recordings;
   const typed = useSignal('');
@@ -134,7 +126,10 @@ function List({entries, hasService}: {entries: readonly Entry[] | null; hasServi
   if (entries === null) return <Empty>{hasService ? words.reading : words.noService}</Empty>;
   if (entries.length === 0) return <Empty>{words.none}</Empty>;
   const session = kSessionColumns.filter((one) => entries.some((entry) => entry[one] !== ''));
-  const found = entries.filter((entry) => hasWords(entry, typed.value.trim()));
+  const isFound = finder(typed.value);
+  const found = entries.filter(({file, participant, experiment, condition}) =>
+    isFound(`${file} ${participant} ${experiment} ${condition}`),
+  );
   const sorted = found.sort((a, b) => compare(a, b, column.value) * (isDescending.value ? -1 : 1));
   const columns: readonly (readonly [Column, string])[] = [
     ['file', words.file],

@@ -18,11 +18,12 @@ import {
   type ReviewField,
   type Run,
 } from '../model/review';
-import {centred, lengthOf, lengthText, momentText, within, zoomed, type Span} from '../model/span';
-import {Badge, Card, Empty, Notice} from '../parts/parts';
+import {centred, lengthOf, momentText, within, zoomed, type Span} from '../model/span';
+import {Badge, Card, Empty, Notice, Problem} from '../parts/parts';
 import {bytes, dayAndTime, duration, thousands, timeOfDay} from '../parts/text';
 import {useApp} from '../store/app';
-import {recall, remember} from '../store/kept';
+import {texts as strings} from '../protocol/fields';
+import {recallJson, remember} from '../store/kept';
 import {Review} from '../store/review';
 import {writeRoute} from '../store/route';
 import {texts} from '../texts/texts';
@@ -37,14 +38,8 @@ const kWholeOfNothing: Span = {fromS: 0, toS: 1};
 const chosen = signal<readonly string[] | null>(readChosen());
 
 function readChosen(): readonly string[] | null {
-  try {
-    const kept: unknown = JSON.parse(recall(kFieldsKey) ?? 'null');
-    return Array.isArray(kept)
-      ? kept.filter((one): one is string => typeof one === 'string')
-      : null;
-  } catch {
-    return null;
-  }
+  const kept = recallJson(kFieldsKey);
+  return Array.isArray(kept) ? strings(kept) : null;
 }
 
 function choose(fields: readonly string[]): void {
@@ -396,11 +391,7 @@ function TextForm({label, value, confirm, onCancel, onDone}: TextFormProps) {
           {texts.value.parts.cancel}
         </button>
       </div>
-      {why !== '' && (
-        <p class="problem" role="alert">
-          {why}
-        </p>
-      )}
+      <Problem text={why} />
     </form>
   );
 }
@@ -416,7 +407,7 @@ function CutForm({review, run, shared, originS, onEnd}: PartProps & {onEnd: () =
   const what = words.cutPart(
     momentText(part.fromS, 3),
     momentText(part.toS, 3),
-    lengthText(lengthOf(part)),
+    duration(lengthOf(part)),
   );
   return (
     <>
@@ -474,7 +465,7 @@ function SpanBar({shared, originS, run}: {shared: Shared; originS: number; run: 
     <div class="review-bar">
       <output data-testid="review-span">
         {momentText(span.fromS + originS, 3)} – {momentText(span.toS + originS, 3)}{' '}
-        <span class="quiet">({lengthText(lengthOf(span))})</span>
+        <span class="quiet">({duration(lengthOf(span))})</span>
       </output>
       <output class="review-at" data-testid="review-at">
         {atS === null
@@ -787,11 +778,7 @@ function Happenings({review, run, originS, span, onGo}: HappeningsProps) {
           {words.thinned(thousands(run.happenings.length), thousands(thinned))}
         </p>
       )}
-      {problem.value !== '' && (
-        <p class="problem" role="alert">
-          {problem.value}
-        </p>
-      )}
+      <Problem text={problem.value} />
       {inside.length === 0 ? (
         <Empty>{all.length === 0 ? words.nothingHappened : words.nothingHere}</Empty>
       ) : (
@@ -830,7 +817,7 @@ function happeningText(one: Happening): string {
   const words = texts.value.review;
   const lastedS = (one.endS ?? one.atS) - one.atS;
   const isEndless = one.kind === 'trial' && one.endS === null;
-  const length = isEndless ? ` ${words.endless}` : lastedS > 0 ? ` (${lengthText(lastedS)})` : '';
+  const length = isEndless ? ` ${words.endless}` : lastedS > 0 ? ` (${duration(lastedS)})` : '';
   if (one.kind === 'trial') {
     return `${words.trial} ${one.number}${one.text === '' ? '' : `: ${one.text}`}${length}`;
   }

@@ -4,7 +4,8 @@ import {useApp} from '../store/app';
 import {recall, remember} from '../store/kept';
 import type {Recording} from '../model/state';
 import {Badge, Card, Notice, useId} from '../parts/parts';
-import {bytes, clock, thousands} from '../parts/text';
+import {momentText} from '../model/span';
+import {bytes, thousands} from '../parts/text';
 import {texts} from '../texts/texts';
 
 const kExperimentKey = 'rtpm.session.experiment';
@@ -64,7 +65,7 @@ function Running({recording}: {recording: Recording}) {
         <div class="session-facts">
           {named.length > 0 && <p class="session-name">{named.join(' · ')}</p>}
           <p class="record-facts">
-            <b>{recording.file}</b> {clock(recording.timeS)} ·{' '}
+            <b>{recording.file}</b> {momentText(recording.timeS, 0)} ·{' '}
             {words.messages(thousands(recording.messageCount))} · {bytes(recording.byteCount)}
             {recording.dropCount > 0 && (
               <>

@@ -1,6 +1,6 @@
 import {useEffect, useRef, useState} from 'preact/hooks';
 import {useApp} from '../store/app';
-import {clock} from '../parts/text';
+import {momentText} from '../model/span';
 import {texts} from '../texts/texts';
 
 const kSpeeds = [0.1, 0.25, 0.5, 1, 2, 5];
@@ -52,12 +52,12 @@ export function Timeline() {
         value={timeS}
         disabled={!isUsable}
         aria-label={words.time}
-        aria-valuetext={words.timeOf(clock(timeS), clock(lengthS))}
+        aria-valuetext={words.timeOf(momentText(timeS, 0), momentText(lengthS, 0))}
         onInput={(event) => seek(Number(event.currentTarget.value), false)}
         onChange={(event) => seek(Number(event.currentTarget.value), true)}
       />
       <output class="timeline-time" data-testid="replay-time">
-        {clock(timeS, 1)} / {clock(lengthS, 1)}
+        {momentText(timeS, 1)} / {momentText(lengthS, 1)}
       </output>
       <label class="speed">
         <span class="visually-hidden">{words.speed}</span>
