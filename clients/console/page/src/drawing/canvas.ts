@@ -185,7 +185,7 @@ export function drawCurve(
   context.stroke();
   context.setLineDash([]);
   for (let i = first; hasDots && i < last; ++i)
-    drawDot(frame, axis, times[i] ?? NaN, low[i] ?? NaN, paint);
+    if (low[i] === high[i]) drawDot(frame, axis, times[i] ?? NaN, low[i] ?? NaN, paint);
 }
 
 export function drawDot(

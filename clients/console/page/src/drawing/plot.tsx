@@ -1,20 +1,18 @@
-import {useSignal, type ReadonlySignal} from '@preact/signals';
+import {useSignal} from '@preact/signals';
 import type {JSX} from 'preact';
 import {useRef} from 'preact/hooks';
-import {boundsText, linearAxis, withMargin, type ValueAxis} from '../model/axis';
-import {subjectOf} from '../model/fields';
+import {linearAxis, numberText, withMargin, type ValueAxis} from '../model/axis';
 import type {Plot} from '../model/layout';
-import {binned, boundsOf, boundsOfAll, valueAt, type Points} from '../model/points';
-import {sizedScale, type ShownScale, type SizedScale} from '../model/scale';
+import {binned, boundsOf, boundsOfAll, type Points} from '../model/points';
+import {sizedScale, type SizedScale} from '../model/scale';
 import {clockText, digitsFor, lengthOf, type Span} from '../model/span';
-import {kStaleMs} from '../model/state';
-import {fixed} from '../parts/text';
 import type {MarkerList} from '../store/markers';
 import type {Field, PlotData} from '../store/plot_data';
 import type {TimeView} from '../store/plots';
 import {texts} from '../texts/texts';
 import {sidesOf, tickMax, type Size} from './canvas';
 import {marksOf} from './marks';
+import {Alarm, Legend, passedOf, rowOf, type LegendProps, type Row} from './plot_legend';
 import {curveColour, isDashed, kPlain, type Limit, type Line, type Scene} from './scene';
 import {TimeChart} from './time_chart';
 import {takeKey, type Zoom} from './time_gestures';
@@ -26,30 +24,16 @@ const kColumnMax = 2000;
 const kSpanMin = 0.02;
 const kNothing: Points = {times: [], low: [], high: []};
 
-interface Props {
-  readonly plot: Plot;
-  readonly title: string;
+interface Props extends LegendProps {
   readonly data: PlotData;
   readonly view: TimeView;
-  readonly nowMs: () => number;
-  readonly isLive: () => boolean;
   readonly markers: () => MarkerList;
-  readonly onRemove: (path: string) => void;
 }
-
-/** A row of the table. */
-interface Shown {
-  readonly value: string;
-  readonly low: string;
-  readonly high: string;
-}
-
-const kNoValues: Shown = {value: '–', low: '–', high: '–'};
 
 /** One plot: its curves, axes and crosshair, and its values as a table. */
 export function PlotChart(props: Props) {
   const {plot, data, view} = props;
-  const rows = useSignal<readonly Shown[]>([]);
+  const rows = useSignal<readonly Row[]>([]);
   const alarm = useSignal('');
   const scales = useRef(new Map<string, SizedScale>());
   const [crossS, brush] = [view.crosshairS.value, view.brush.value];
@@ -168,131 +152,4 @@ function limitsOf({thresholds}: Plot, units: readonly string[], axes: readonly V
     if (scale === undefined) return [];
     return [{axis, value, label: label === '' ? numberText(value, scale) : label.slice(0, 40)}];
   });
-}
-
-function numberText(value: number, {factor, digits}: ShownScale): string {
-  return fixed(value * factor, digits);
-}
-
-function isFresh({isLive, nowMs}: Props, field: Field): boolean {
-  return isLive() && nowMs() - field.cameMs <= kStaleMs;
-}
-
-/** The values at the crosshair, else the newest. */
-function rowOf(
-  props: Props,
-  field: Field | null,
-  {lines, axes, crossS, span}: Scene,
-  at: number,
-  isFollowing: boolean,
-): Shown {
-  const line = lines[at];
-  const scale = axes[line?.axis ?? -1]?.scale;
-  if (field === null || line === undefined || scale === undefined) return kNoValues;
-  const isNow = crossS === null && isFollowing;
-  const newest = field.ring.valueAt(field.ring.size - 1);
-  const value =
-    isNow && isFresh(props, field)
-      ? {low: newest, high: newest}
-      : // An old value is not shown as if it were new.
-        isNow && field.ring.size > 0
-        ? null
-        : valueAt(line.points, crossS ?? span.toS);
-  const bounds = boundsOf(line.points, span.fromS, span.toS);
-  return {
-    value: value === null ? '–' : `${boundsText(value, scale)} ${scale.unit}`,
-    low: bounds === null ? '–' : numberText(bounds.low, scale),
-    high: bounds === null ? '–' : numberText(bounds.high, scale),
-  };
-}
-
-/** The thresholds that newest values pass, in words. */
-function passedOf(
-  props: Props,
-  fields: readonly (Field | null)[],
-  {lines, axes}: Omit<Scene, 'crossS'>,
-): string[] {
-  const words = texts.peek().plots;
-  return fields.flatMap((field, i) => {
-    const scale = axes[lines[i]?.axis ?? 0]?.scale;
-    if (field === null || scale === undefined || !isFresh(props, field)) return [];
-    const newest = field.ring.valueAt(field.ring.size - 1);
-    return props.plot.thresholds
-      .filter(({unit}) => unit === field.unit)
-      .filter(({side, value}) => (side === 'above' ? newest > value : newest < value))
-      .map(({side, value, label}) => {
-        const limit = `${numberText(value, scale)} ${scale.unit}`;
-        const name = label === '' ? limit : `${label} (${limit})`;
-        return words[side === 'above' ? 'isAbove' : 'isBelow'](field.path, name);
-      });
-  });
-}
-
-function Alarm({alarm}: {alarm: ReadonlySignal<string>}) {
-  return (
-    <p class="plot-alarms" role="status" hidden={alarm.value === ''}>
-      {alarm.value === '' ? '' : `⚠ ${alarm.value}`}
-    </p>
-  );
-}
-
-interface LegendProps extends Props {
-  readonly rows: ReadonlySignal<readonly Shown[]>;
-}
-
-function Legend({plot, title, onRemove, rows}: LegendProps) {
-  const words = texts.value.plots;
-  return (
-    <div class="scroll">
-      <table class="plot-legend">
-        <caption class="visually-hidden">{words.legend(title)}</caption>
-        <thead>
-          <tr>
-            <th scope="col">{words.curve}</th>
-            {[words.value, words.lowest, words.highest].map((name) => (
-              <th key={name} scope="col" class="number">
-                {name}
-              </th>
-            ))}
-            <th scope="col">
-              <span class="visually-hidden">{words.remove}</span>
-            </th>
-          </tr>
-        </thead>
-        <tbody>
-          {plot.fields.map((path, i) => (
-            <tr key={path} data-curve={path}>
-              <th scope="row">
-                <i
-                  class={isDashed(i) ? 'is-dashed' : ''}
-                  style={{'--paint': `var(--${curveColour(i)})`}}
-                />
-                <span class="quiet">{subjectOf(path)} </span>
-                {path.slice(subjectOf(path).length + 1)}
-              </th>
-              <td class="number" data-value>
-                {rows.value[i]?.value}
-              </td>
-              <td class="number" data-low>
-                {rows.value[i]?.low}
-              </td>
-              <td class="number" data-high>
-                {rows.value[i]?.high}
-              </td>
-              <td class="number">
-                <button
-                  type="button"
-                  class="quiet-button"
-                  aria-label={words.removeCurve(path)}
-                  onClick={() => onRemove(path)}
-                >
-                  ×
-                </button>
-              </td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
-  );
 }

@@ -53,10 +53,14 @@ export function shareOfValue({low, high, isLogarithmic}: ValueAxis, value: numbe
     : (value - low) / (high - low);
 }
 
+export function numberText(value: number, {factor, digits}: ShownScale): string {
+  return fixed(value * factor, digits);
+}
+
 /** "1.20", or "1.20 … 1.35" where a moment has several values; a dash where it has none. */
-export function boundsText(bounds: Bounds | null, {factor, digits}: ShownScale): string {
-  if (bounds === null) return '–';
-  const low = fixed(bounds.low * factor, digits);
-  const high = fixed(bounds.high * factor, digits);
-  return low === high ? low : `${low} … ${high}`;
+export function boundsText(bounds: Bounds | null, scale: ShownScale): string {
+  const [low, high] = [bounds?.low ?? NaN, bounds?.high ?? NaN].map((one) =>
+    numberText(one, scale),
+  );
+  return low === high ? `${low}` : `${low} … ${high}`;
 }
