@@ -73,7 +73,10 @@ export function frameOf(
 ): Frame {
   const {leftPx: left, rightPx} = sidesOf(axisCount);
   return {
-    ...{context, left, top: kTopPx, span},
+    context,
+    span,
+    left,
+    top: kTopPx,
     width: Math.max(width - left - rightPx, 1),
     height: Math.max(height - kTopPx - kBottomPx, 1),
   };

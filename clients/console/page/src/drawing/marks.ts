@@ -38,8 +38,12 @@ export function marksOf(list: MarkerList, offsetS: number, span: Span): Mark[] {
   const markers = list.rows
     .peek()
     .filter(({timeNs}) => atS(timeNs) >= span.fromS && atS(timeNs) <= span.toS)
-    .map(({timeNs, label: text, number}): Mark => ({
-      ...{kind: 'marker', atS: atS(timeNs), endS: null, text, number},
+    .map(({timeNs, label, number}): Mark => ({
+      kind: 'marker',
+      atS: atS(timeNs),
+      endS: null,
+      text: label,
+      number,
     }));
   return [...trials, ...markers];
 }
@@ -58,8 +62,7 @@ export function drawTrials(frame: Frame, marks: readonly Mark[]): void {
     context.fillRect(from, top, Math.max(to - from, 2), height);
     context.strokeStyle = context.fillStyle = colour('replay');
     for (const x of [from, to]) line(frame, x, top, x, top + height);
-    const texts = [one.text === '' ? String(one.number) : `${one.number} ${one.text}`];
-    const text = [...texts, String(one.number)].find(
+    const text = [`${one.number} ${one.text}`.trim(), String(one.number)].find(
       (name) => context.measureText(name).width <= to - from - 8,
     );
     if (text !== undefined) context.fillText(text, from + 4, top + height - 2);

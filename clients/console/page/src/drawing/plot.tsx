@@ -47,7 +47,9 @@ export function PlotChart(props: Props) {
     return shown;
   };
   const axis = () => ({
-    ...{view: view.span, ...sidesOf(unitsOf(fieldsNow()).length), zoom: zoomOf(view)},
+    ...sidesOf(unitsOf(fieldsNow()).length),
+    view: view.span,
+    zoom: zoomOf(view),
     hover: (atS: number | null) => (view.crosshairS.value = atS),
   });
   const onKeyDown = (event: JSX.TargetedKeyboardEvent<HTMLDivElement>) => {

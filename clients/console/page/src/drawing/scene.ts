@@ -57,7 +57,11 @@ export interface Scene {
 
 /** What most charts have none of. */
 export const kPlain = {
-  ...{zeroS: 0, limits: [], pinnedS: null, brush: null, window: null},
+  zeroS: 0,
+  limits: [],
+  pinnedS: null,
+  brush: null,
+  window: null,
 } as const;
 
 /** The name of the colour of a curve, by its place. */
