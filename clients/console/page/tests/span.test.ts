@@ -91,9 +91,9 @@ describe('labels', () => {
       const flat = withMargin(bounds, 0);
       expect(flat.high).toBeGreaterThan(flat.low);
     }
-    expect(boundsText({low: 0.001, high: 0.0025}, scale)).toBe('1.0 … 2.5');
+    expect(boundsText({low: 0.001, high: 0.0025}, scale)).toBe('1.0 … 2.5 mm');
     expect([boundsText({low: -1, high: -1}, scale), boundsText(null, scale)]).toEqual([
-      '−1000.0',
+      '−1000.0 mm',
       '–',
     ]);
   });

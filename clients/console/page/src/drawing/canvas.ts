@@ -26,7 +26,7 @@ const kDotPx = 2.5;
 /** Values that are farther from each other have dots. */
 const kDotRoomPx = 7;
 const kTimePx = 84;
-const kValuePx = 36;
+const kValuePx = 28;
 
 export interface Size {
   readonly width: number;
@@ -127,7 +127,7 @@ export function drawTimes(
     line(frame, x, top, x, top + height);
     const text = name(tickS + zeroS, stepS);
     const half = context.measureText(text).width / 2;
-    const [least, most] = [left + half - kSidePx, left + width - half + kSidePx];
+    const [least, most] = [left + half - 4, left + width - half + kSidePx];
     context.fillText(text, Math.min(Math.max(x, least), most), top + height + 6);
   }
 }
@@ -157,7 +157,7 @@ export function drawValues(frame: Frame, axis: ValueAxis, index: number): void {
 /** A line through the points, from the lowest to the highest value of each; dots where they have room. */
 export function drawCurve(
   frame: Frame,
-  {times, low, high}: Points,
+  {times, ends, low, high}: Points,
   axis: ValueAxis,
   {paint, isDashed = false}: {readonly paint: string; readonly isDashed?: boolean},
 ): void {
@@ -172,6 +172,7 @@ export function drawCurve(
   let before = NaN;
   for (let i = first; i < last; ++i) {
     const x = xOf(frame, times[i] ?? NaN);
+    const endX = xOf(frame, ends[i] ?? NaN);
     const lowY = yOf(frame, axis, low[i] ?? NaN);
     const highY = yOf(frame, axis, high[i] ?? NaN);
     const isNew = Number.isNaN(before);
@@ -183,7 +184,7 @@ export function drawCurve(
     if (isNew) context.moveTo(x, firstY);
     else context.lineTo(x, firstY);
     // Also where both are the same: a value between two gaps is a point.
-    if (isNew || firstY !== lastY) context.lineTo(x, lastY);
+    if (isNew || firstY !== lastY) context.lineTo(endX, lastY);
   }
   context.stroke();
   context.setLineDash([]);

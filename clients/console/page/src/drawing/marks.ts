@@ -19,6 +19,8 @@ export const kShapes: Readonly<Record<HappeningKind, {path: string; paint: strin
   lease: {path: 'M0 -5.5L5.5 0L0 5.5L-5.5 0Z', paint: 'quiet'},
 };
 const kLabelMax = 24;
+/** Moments that are nearer have one label. */
+const kSamePx = 4;
 
 /** Whether any of it is in the part that shows. */
 export function isWithin({atS, endS, kind}: Mark, {fromS, toS}: Span): boolean {
@@ -79,13 +81,18 @@ export function drawMoments(frame: Frame, marks: readonly Mark[]): void {
   context.lineWidth = 1;
   context.textBaseline = 'middle';
   context.textAlign = 'left';
+  let before = -Infinity;
   moments.forEach(({kind, text, x}, i) => {
     const {path, paint} = kShapes[kind];
     context.strokeStyle = context.fillStyle = colour(paint);
     line(frame, x, top, x, top + height);
     const label = text.length > kLabelMax ? `${text.slice(0, kLabelMax - 1)}…` : text;
-    const end = (moments[i + 1]?.x ?? left + width + 8) - 8;
-    if (x + 9 + context.measureText(label).width <= end) context.fillText(label, x + 9, top - 10);
+    let next = i + 1;
+    while ((moments[next]?.x ?? Infinity) < x + kSamePx) ++next;
+    const end = (moments[next]?.x ?? left + width + 8) - 8;
+    const hasRoom = x - before >= kSamePx && x + 9 + context.measureText(label).width <= end;
+    if (hasRoom) context.fillText(label, x + 9, top - 10);
+    before = x;
     const shape = new Path2D(path);
     context.save();
     context.translate(x, top - 10);

@@ -22,7 +22,7 @@ const kPaintMaxMs = 1000;
 const kColumnMax = 2000;
 /** Noise of a constant value does not fill the plot. */
 const kSpanMin = 0.02;
-const kNothing: Points = {times: [], low: [], high: []};
+const kNothing: Points = {times: [], ends: [], low: [], high: []};
 
 interface Props extends LegendProps {
   readonly data: PlotData;

@@ -53,7 +53,7 @@ export function rowOf(
         : valueAt(line.points, crossS ?? span.toS);
   const bounds = boundsOf(line.points, span.fromS, span.toS);
   return {
-    value: value === null ? '–' : `${boundsText(value, scale)} ${scale.unit}`,
+    value: boundsText(value, scale),
     low: bounds === null ? '–' : numberText(bounds.low, scale),
     high: bounds === null ? '–' : numberText(bounds.high, scale),
   };

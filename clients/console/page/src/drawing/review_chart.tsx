@@ -100,7 +100,7 @@ export function ReviewChart({shared, originS, name, fields, curves, range, ...pr
   const scale = sizedScale(fields[0]?.unit ?? '', sizeOf(range));
   const atS = shared.hoverS ?? shared.pinnedS;
   const topics = new Set(fields.map((one) => shortName(one.path).topic));
-  const title = `${[...topics].join(', ')}${scale.unit === '' ? '' : ` [${scale.unit}]`}`;
+  const title = [...topics].join(', ');
   const lines = fields.flatMap(({path}, i): Line[] => {
     const points = curves.get(path);
     if (points === undefined) return [];

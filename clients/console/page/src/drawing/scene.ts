@@ -87,7 +87,6 @@ export function drawScene(context: CanvasRenderingContext2D, size: Size, scene: 
       if (axis !== undefined) drawCurve(frame, one.points, axis, one);
     }
     for (const one of scene.limits) drawLimit(frame, one, axes[one.axis]);
-    if (scene.window !== null) drawWindow(frame, scene.window);
     if (brush !== null) drawBrush(frame, brush);
     if (pinnedS !== null) {
       context.strokeStyle = colour('text');
@@ -97,6 +96,7 @@ export function drawScene(context: CanvasRenderingContext2D, size: Size, scene: 
     }
     if (crossS !== null) drawCrossed(frame, scene, crossS);
   });
+  if (scene.window !== null) drawWindow(frame, scene.window);
   drawMoments(frame, marks);
   return frame;
 }

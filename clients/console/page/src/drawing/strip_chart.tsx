@@ -1,5 +1,5 @@
 import {signal, useSignal, type ReadonlySignal} from '@preact/signals';
-import {decadeAxis, linearAxis, withMargin} from '../model/axis';
+import {boundsText, decadeAxis, linearAxis, withMargin} from '../model/axis';
 import {binned, boundsOf, boundsOfAll, kNoPast, valueAt} from '../model/points';
 import type {ShownScale} from '../model/scale';
 import {digitsFor} from '../model/span';
@@ -85,9 +85,7 @@ export function StripChart(props: Props) {
       data-testid={`strip-${props.name.toLowerCase()}`}
     >
       <figcaption class="chart-head">
-        <span class="chart-title">
-          {title} <span class="unit">{props.scale.unit}</span>
-        </span>
+        <span class="chart-title">{title}</span>
         <Values curves={curves} values={values} />
       </figcaption>
       <TimeChart
@@ -144,7 +142,8 @@ function valuesOf({curves, scale}: Props, source: ChartSource, scene: Scene): st
   return curves.map(({column}, i) => {
     const points = scene.lines[i]?.points;
     const newest = isFresh ? series.valueAt(series.size - 1, column) : NaN;
-    const value = scene.crossS === null ? newest : points && valueAt(points, scene.crossS)?.high;
-    return fixed((value ?? NaN) * scale.factor, scale.digits);
+    if (scene.crossS === null || points === undefined)
+      return boundsText({low: newest, high: newest}, scale);
+    return boundsText(valueAt(points, scene.crossS), scale);
   });
 }

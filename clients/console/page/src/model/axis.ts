@@ -15,7 +15,7 @@ export interface ValueAxis extends Bounds {
 /** With a margin; at least `spanMin` shows, so that noise does not fill the chart. */
 export function withMargin(bounds: Bounds | null, spanMin: number): Bounds {
   const {low, high} = bounds ?? {low: 0, high: 0};
-  const span = Math.max(high - low, spanMin, 1e-9);
+  const span = Math.max(high - low, spanMin, low === 0 ? 0 : 1e-9) || 1;
   const margin = 0.08 * span + (span - (high - low)) / 2;
   return {low: low - margin, high: high + margin};
 }
@@ -36,14 +36,15 @@ export function linearAxis({low, high}: Bounds, scale: ShownScale, countMax: num
 
 /** Of microseconds: ticks at powers of ten. */
 export function decadeAxis(bounds: Bounds | null, scale: ShownScale): ValueAxis {
-  const low = Math.min(10, Math.max(bounds?.low ?? 10, 0.1));
-  const high = Math.max(2000, bounds?.high ?? 0);
+  const low = 0.7 * Math.min(10, Math.max(bounds?.low ?? 10, 0.1));
+  const high = 1.4 * Math.max(2000, bounds?.high ?? 0);
   const ticks = [];
   for (let us = 10 ** Math.ceil(Math.log10(low)); us <= high; us *= 10) {
     const text = us < 1e3 ? `${us} µs` : us < 1e6 ? `${us / 1e3} ms` : `${us / 1e6} s`;
     ticks.push({value: us, text});
   }
-  return {low, high, scale, ticks, isLogarithmic: true};
+  // Each tick has a unit of its own.
+  return {low, high, scale: {...scale, unit: ''}, ticks, isLogarithmic: true};
 }
 
 /** Where a value is on the axis: 0 at its low end, 1 at its high end. */
@@ -57,10 +58,9 @@ export function numberText(value: number, {factor, digits}: ShownScale): string 
   return fixed(value * factor, digits);
 }
 
-/** "1.20", or "1.20 … 1.35" where a moment has several values; a dash where it has none. */
+/** "1.20 mm", or "1.20 … 1.35 mm" where a moment has several values; a dash where it has none. */
 export function boundsText(bounds: Bounds | null, scale: ShownScale): string {
-  const [low, high] = [bounds?.low ?? NaN, bounds?.high ?? NaN].map((one) =>
-    numberText(one, scale),
-  );
-  return low === high ? `${low}` : `${low} … ${high}`;
+  if (bounds === null || !Number.isFinite(bounds.low)) return '–';
+  const [low, high] = [numberText(bounds.low, scale), numberText(bounds.high, scale)];
+  return `${low === high ? low : `${low} … ${high}`} ${scale.unit}`.trim();
 }

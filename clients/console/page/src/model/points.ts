@@ -7,9 +7,10 @@ export interface Bounds {
   readonly high: number;
 }
 
-/** The lowest and highest values at increasing times; NaN: a gap begins. */
+/** The lowest and highest values from `times` to `ends`, in their order; NaN: a gap begins. */
 export interface Points {
   readonly times: readonly number[];
+  readonly ends: readonly number[];
   readonly low: readonly number[];
   readonly high: readonly number[];
 }
@@ -73,6 +74,7 @@ export function gapOf({ring, past}: Curve): number {
 /** One point of each column of time that has values. */
 class Builder implements Points {
   readonly times: number[] = [];
+  readonly ends: number[] = [];
   readonly low: number[] = [];
   readonly high: number[] = [];
   private column = NaN;
@@ -97,12 +99,14 @@ class Builder implements Points {
       if (isGap) this.append(this.untilS + this.gapS / 2, NaN, NaN);
       this.append(timeS, low, high);
     }
+    this.ends[this.ends.length - 1] = timeS + stepS;
     this.column = column;
     this.untilS = timeS + stepS;
   }
 
   private append(timeS: number, low: number, high: number): void {
     this.times.push(timeS);
+    this.ends.push(timeS);
     this.low.push(low);
     this.high.push(high);
   }

@@ -67,11 +67,11 @@ export function sizedScale(unit: string, size: number, before?: SizedScale): Siz
   const isSame = before?.shownUnit === shownUnit;
   const kept = isSame ? shown * before.prefix.factor : 0;
   const prefix = isSame && kept >= 0.5 && kept < 1500 ? before.prefix : prefixFor(shown, shownUnit);
-  const scaled = Math.max(shown * prefix.factor, 1e-12);
+  const scaled = shown * prefix.factor;
   return {
     unit: `${prefix.prefix}${shownUnit}`,
     factor: factor * prefix.factor,
-    digits: Math.min(4, Math.max(0, 3 - Math.floor(Math.log10(scaled)))),
+    digits: Math.min(4, Math.max(0, 3 - Math.floor(Math.log10(scaled || 1)))),
     prefix,
     shownUnit,
   };
