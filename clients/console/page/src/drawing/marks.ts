@@ -61,7 +61,9 @@ export function drawTrials(frame: Frame, marks: readonly Mark[]): void {
     const from = Math.max(xOf(frame, one.atS), left - 1);
     const to = Math.min(one.endS === null ? Infinity : xOf(frame, one.endS), left + width + 1);
     context.fillStyle = colour('replay-soft');
+    context.globalAlpha = 0.6;
     context.fillRect(from, top, Math.max(to - from, 2), height);
+    context.globalAlpha = 1;
     context.strokeStyle = context.fillStyle = colour('replay');
     for (const x of [from, to]) line(frame, x, top, x, top + height);
     const text = [`${one.number} ${one.text}`.trim(), String(one.number)].find(
