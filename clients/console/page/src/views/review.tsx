@@ -1,5 +1,5 @@
 import {signal, useSignal} from '@preact/signals';
-import {useEffect, useMemo, useRef, useState} from 'preact/hooks';
+import {useEffect, useLayoutEffect, useMemo, useRef, useState} from 'preact/hooks';
 import {kShapes} from '../drawing/marks';
 import {OverviewStrip, ReviewChart, type Shared} from '../drawing/review_chart';
 import {boundsOf, boundsOfAll} from '../model/points';
@@ -357,7 +357,8 @@ function TextForm({label, value, confirm, onCancel, onDone}: TextFormProps) {
   const [why, setWhy] = useState('');
   const [isBusy, setBusy] = useState(false);
   const field = useRef<HTMLInputElement>(null);
-  useEffect(() => {
+  // Before the next key, which the button that opened the form would take.
+  useLayoutEffect(() => {
     field.current?.focus();
     field.current?.setSelectionRange(0, value.replace(/\.mcap$/, '').length);
   }, []);
