@@ -13,7 +13,9 @@ let browser;
 let anna;
 let ben;
 
+// No colour is on its way to another one while axe-core looks.
 const named = (name, room) => ({
+  reducedMotion: 'reduce',
   storageState: {
     cookies: [],
     origins: [
