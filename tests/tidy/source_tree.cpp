@@ -14,8 +14,9 @@ constexpr std::array<std::string_view, 12> kFolders{"bench",  "clients",  "cmake
                                                     "gvd",    "protocol", "registry", "runtime",
                                                     "schema", "spec",     "tests",    ".ci"};
 
-constexpr std::array<std::string_view, 11> kTextSuffixes{
-    ".cpp", ".hpp", ".h", ".fbs", ".txt", ".md", ".cmake", ".json", ".sh", ".py", ".lua"};
+constexpr std::array<std::string_view, 14> kTextSuffixes{".cpp", ".hpp",   ".h",    ".fbs", ".txt",
+                                                         ".md",  ".cmake", ".json", ".sh",  ".py",
+                                                         ".lua", ".ts",    ".tsx",  ".mjs"};
 
 bool is_text(const fs::path& path) {
   const std::string suffix = path.extension().string();

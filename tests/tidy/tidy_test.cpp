@@ -177,12 +177,15 @@ TEST(Comments, AreFoundWithoutASubject) {
   const auto faults = find_comments_without_subject(
       {{"a.hpp", "/// What a lane is.\nint x;  ///< Of the lane.\n// It is. Who calls, waits.\n"},
        {"b.cpp", "/// @param x  So many are kept.\n"},
+       {"d.ts", "/** What it is. */\n/**\n * A part.\n * Of it.\n */\n"},
        {"c.cpp", "// A part\n// Of what it has.\nauto a = \"// What\";\n// As http://a.b/What\n"}});
   expect_fault(faults, "a.hpp:1:", "'What'");
   expect_fault(faults, "a.hpp:2:", "'Of'");
   expect_fault(faults, "a.hpp:3:", "'Who'");
   expect_fault(faults, "b.cpp:1:", "subject, verb, object");
-  EXPECT_EQ(faults.size(), 4u);
+  expect_fault(faults, "d.ts:1:", "'What'");
+  expect_fault(faults, "d.ts:4:", "'Of'");
+  EXPECT_EQ(faults.size(), 6u);
 }
 
 TEST(Files, AreInShape) {

@@ -82,9 +82,13 @@ void check_name(const SourceFile& file, std::size_t line, const std::string& nam
   }
 }
 
-/// The comment that ends a line, without its slashes and its label; nothing if there is none.
+/// The comment that ends a line, or a line of a block of them, without its slashes, stars and label;
+/// nothing if there is none.
 std::optional<std::string> comment_of(const std::string& line) {
   static const std::regex kLabel("^@\\w+ +(\\w+  +)?");
+  static const std::regex kBlock("^ *(/\\*\\*| \\*) +");
+  std::smatch block;
+  if (std::regex_search(line, block, kBlock)) return block.suffix().str();
   const std::size_t at = line.find("//");
   if (at == std::string::npos) return std::nullopt;
   // In a text, or in an address.
@@ -100,7 +104,8 @@ std::vector<Fault> find_comments_without_subject(const std::vector<SourceFile>& 
   static const std::regex kBegin("(^|[.:!?] +)(What|Of|Who|Whoever|Whose|So many|That which)\\b");
   std::vector<Fault> faults;
   for (const SourceFile& file : files) {
-    if (!is_cpp(file)) continue;
+    const bool is_typescript = file.path.ends_with(".ts") || file.path.ends_with(".tsx");
+    if (!is_cpp(file) && !is_typescript) continue;
     const std::vector<std::string> lines = lines_of(file.text);
     bool is_at_begin = true;
     for (std::size_t i = 0; i < lines.size(); ++i) {

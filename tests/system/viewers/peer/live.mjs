@@ -30,7 +30,7 @@ client.on("error", (error) => {
   process.stderr.write(`${error.message ?? error}\n`);
   process.exit(1);
 });
-// What is missing at the deadline, the test finds.
+// The test finds which are missing at the deadline.
 setTimeout(end, 30_000);
 
 function end() {

@@ -3,7 +3,7 @@ import {rowAt, type Points} from '../model/points';
 import {shareOf, stepFor, ticksOf, type Span} from '../model/span';
 import {colour} from '../store/theme';
 
-/** What charts are painted of: their frame, axes, and curves. */
+/** Charts are painted of a frame, axes, and curves. */
 
 /** The rectangle of the curves, in pixels of the style sheet. */
 export interface Frame {
@@ -42,7 +42,7 @@ export function sidesOf(axisCount: number): {readonly leftPx: number; readonly r
   };
 }
 
-/** So many ticks of values have room. */
+/** The number of ticks of values that have room. */
 export function tickMax({height}: Size): number {
   return Math.max(2, Math.floor((height - kTopPx - kBottomPx) / kValuePx));
 }

@@ -19,7 +19,7 @@ export interface Shared extends Zoom {
   readonly hover: (atS: number | null) => void;
 }
 
-/** What fills the axis of a constant. */
+/** The part of the axis around a constant. */
 const kSpanMin = 1e-6;
 const kSides = sidesOf(1);
 
@@ -48,7 +48,7 @@ function sizeOf(range: Bounds | null): number {
   return Math.max(Math.abs(range?.low ?? 0), Math.abs(range?.high ?? 0));
 }
 
-/** What all charts of a review show alike; its times are the recording's. */
+/** All charts of a review show this alike; its times are the recording's. */
 function sceneOf(
   shared: Shared,
   originS: number,

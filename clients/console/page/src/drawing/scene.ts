@@ -55,7 +55,7 @@ export interface Scene {
   readonly window: Span | null;
 }
 
-/** What most charts have none of. */
+/** Most charts have none of these. */
 export const kPlain = {
   zeroS: 0,
   limits: [],

@@ -119,7 +119,7 @@ export class Space {
     this.look('corner');
   }
 
-  /** So many millimetres of arrow stand for a newton. */
+  /** The length of an arrow for a newton. */
   get millimetresPerNewton(): number {
     return (1000 * kForceShare * this.size) / Math.max(this.room.forceMaxNewton, 1e-9);
   }

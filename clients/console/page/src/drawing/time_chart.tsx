@@ -15,7 +15,7 @@ interface Props {
   readonly axis: () => TimeAxis | null;
   /** It is painted when it is rendered, and so often by itself; 0: only then. */
   readonly everyMs: () => number;
-  /** Of the canvas. */
+  /** They go to the canvas. */
   readonly attributes: Attributes;
 }
 

@@ -1,4 +1,4 @@
-/** Reads FlatBuffers. What lies outside of the buffer throws RangeError, by DataView. */
+/** Reads FlatBuffers. An offset outside of the buffer throws RangeError, by DataView. */
 export class Bytes {
   readonly view: DataView;
   private readonly bytes: Uint8Array;

@@ -25,11 +25,11 @@ export const enum BaseType {
 
 export interface FieldType {
   readonly base: BaseType;
-  /** Of Vector and Array. */
+  /** Set for Vector and Array. */
   readonly element: BaseType;
-  /** Of the object or the enum; -1: neither. */
+  /** The index of the object or the enum; -1: neither. */
   readonly index: number;
-  /** Of Array. */
+  /** Set for Array. */
   readonly count: number;
 }
 

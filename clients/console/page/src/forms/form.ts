@@ -29,7 +29,7 @@ export interface Verdict {
 }
 
 /**
- * The form of one object's parameters. What was typed stays until it is applied or discarded, also
+ * The form of one object's parameters. Typed values stay until they are applied or discarded, also
  * while the connection or the device is gone.
  */
 export class Form {
@@ -37,7 +37,7 @@ export class Form {
   /** Why the list could not be read; the last one stays. */
   readonly problem: Signal<string> = signal('');
   readonly drafts: Signal<ReadonlyMap<string, Draft>> = signal(new Map());
-  /** What the server refused, by parameter. */
+  /** Refusals of the server, by parameter. */
   readonly refusals: Signal<ReadonlyMap<string, string>> = signal(new Map());
   readonly verdict: Signal<Verdict | null> = signal(null);
   readonly isBusy: Signal<boolean> = signal(false);
@@ -88,7 +88,7 @@ export class Form {
     this.verdict.value = null;
   }
 
-  /** What is wrong with the draft, before anything is sent. */
+  /** The faults of the draft, before anything is sent. */
   problemOf(parameter: Parameter): string | null {
     const draft = this.drafts.value.get(parameter.name);
     if (draft === undefined) return null;

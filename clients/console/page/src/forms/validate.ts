@@ -2,7 +2,7 @@ import {parsed, plain, separator} from '../parts/text';
 import {texts} from '../texts/texts';
 import type {Parameter, Value} from './parameter';
 
-/** What is typed into a form, before anything is sent. */
+/** Checks typed values of a form, before anything is sent. */
 
 export type Checked =
   | {readonly isValid: true; readonly value: Value}
@@ -31,7 +31,7 @@ export function rangeText(parameter: Parameter): string {
   return Number.isFinite(high) ? `${words.atMost(plain(high))}${unit}` : '';
 }
 
-/** What a field shows of a value, and what `check` reads back. */
+/** A value as a field shows it, and as `check` reads it back. */
 export function valueText(value: Value): string {
   if (typeof value === 'object') return value.map(plain).join(separator());
   if (typeof value === 'number' || typeof value === 'bigint') return plain(value);

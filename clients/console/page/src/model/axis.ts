@@ -5,7 +5,7 @@ import {roundStep, ticksOf} from './span';
 
 /** The axis of values of a chart. */
 export interface ValueAxis extends Bounds {
-  /** Of what is shown: unit, factor from the measured value, and digits. */
+  /** The shown unit, its factor from the measured value, and digits. */
   readonly scale: ShownScale;
   /** By the measured value. */
   readonly ticks: readonly {readonly value: number; readonly text: string}[];
@@ -34,7 +34,7 @@ export function linearAxis({low, high}: Bounds, scale: ShownScale, countMax: num
   return {low, high, scale: all, ticks, isLogarithmic: false};
 }
 
-/** Of microseconds: ticks at powers of ten. */
+/** An axis of microseconds has ticks at powers of ten. */
 export function decadeAxis(bounds: Bounds | null, scale: ShownScale): ValueAxis {
   const low = 0.7 * Math.min(10, Math.max(bounds?.low ?? 10, 0.1));
   const high = 1.4 * Math.max(2000, bounds?.high ?? 0);

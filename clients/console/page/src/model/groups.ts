@@ -31,7 +31,7 @@ function rank(device: Device): number {
   return kConditions.indexOf(condition(device));
 }
 
-/** What is known of the device, by which it is found. */
+/** The texts of a device by which it is found. */
 function textOf({name, model, serial, className, lifecycle, faults, lease}: Device): string {
   return [name, model, serial, className, lifecycle, lease.state, ...faults].join('\n');
 }

@@ -1,7 +1,7 @@
 import {number, numberOrNull, object, objects, text} from '../protocol/fields';
 import type {Json} from '../protocol/json';
 
-/** What `console/latency` says: how long the console's own reads of each device took. */
+/** How long the console's own reads of each device took: `console/latency`. */
 
 export interface Bin {
   readonly fromUs: number;

@@ -26,7 +26,7 @@ const kKeySlice = 5;
 const kSequenceParameters = 7;
 
 /**
- * What a picture in Annex B needs: whether it can be decoded without earlier ones, and for a key
+ * The needs of a picture in Annex B: whether it can be decoded without earlier ones, and for a key
  * frame the codec's name for WebCodecs, "avc1.42c01e".
  */
 export function inspect(annexB: Uint8Array): {isKey: boolean; codec: string} {

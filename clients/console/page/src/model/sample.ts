@@ -1,7 +1,7 @@
 import type {Decoded, DecodedTable} from '../flatbuffers/decode';
 import type {Json} from '../protocol/json';
 
-/** What the page uses of rtpm.device.Sampled and rtpm.touch.Touched. */
+/** The fields of rtpm.device.Sampled and rtpm.touch.Touched that the page uses. */
 
 export type Vector3 = readonly [number, number, number];
 

@@ -77,7 +77,7 @@ export function ticksOf(span: Span, stepS: number): number[] {
   return Array.from({length: Math.max(0, last - first + 1)}, (_, i) => (first + i) * stepS);
 }
 
-/** So many digits of seconds tell moments apart that are `stepS` from each other. */
+/** The digits of seconds that tell moments apart which are `stepS` from each other. */
 export function digitsFor(stepS: number): number {
   return Math.min(6, Math.max(0, Math.ceil(-Math.log10(stepS) - 1e-9)));
 }

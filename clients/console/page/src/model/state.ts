@@ -12,7 +12,7 @@ import {
 } from '../protocol/fields';
 import type {Json, JsonObject} from '../protocol/json';
 
-/** What `console/state` says: the whole system, as the console sees it. */
+/** The whole system, as the console sees it: `console/state`. */
 
 export interface Lane {
   readonly name: string;
@@ -210,7 +210,7 @@ export interface ConsoleState {
   readonly events: {
     readonly channelCount: number;
     readonly channelCountMax: number;
-    /** Of sources that have no channel, because there are too many. */
+    /** Counts sources that have no channel, because there are too many. */
     readonly omittedCount: number;
     /** Not shown, because the console was too busy. */
     readonly droppedCount: number;

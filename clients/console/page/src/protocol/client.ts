@@ -25,7 +25,7 @@ export interface ServerInfo {
   readonly sessionId: string;
 }
 
-/** What the page needs of a WebSocket, so that tests bring their own. */
+/** The part of a WebSocket that the page needs, so that tests bring their own. */
 export interface Socket {
   binaryType: string;
   onopen: ((event: Event) => void) | null;

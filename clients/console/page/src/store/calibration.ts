@@ -65,7 +65,7 @@ export class Calibration {
   readonly offers: Signal<readonly Offer[]> = signal([]);
   readonly run: Signal<Run | null> = signal(null);
   readonly problem: Signal<string> = signal('');
-  /** What became of the kept result: it outlives the device's server only if it was saved. */
+  /** The state of the kept result: it outlives the device's server only if it was saved. */
   readonly isSaved: Signal<boolean> = signal(false);
   private timer: ReturnType<typeof setTimeout> | null = null;
 

@@ -16,7 +16,7 @@ export class Commands {
   /** The newest refusal of each device. */
   readonly refusals: Signal<ReadonlyMap<string, Refusal>> = signal(new Map());
   readonly pending: Signal<ReadonlySet<string>> = signal(new Set());
-  /** What was done last, for screen readers and the line below the buttons. */
+  /** The last command, for screen readers and the line below the buttons. */
   readonly done: Signal<ReadonlyMap<string, Command>> = signal(new Map());
 
   constructor(private readonly link: Link) {}

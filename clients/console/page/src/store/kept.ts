@@ -10,7 +10,7 @@ export function recall(key: string): string | null {
   }
 }
 
-/** What was kept as JSON; null: nothing, or nothing that can be read. */
+/** A kept JSON value; null: nothing, or nothing that can be read. */
 export function recallJson(key: string): Json {
   try {
     return parseJson(recall(key) ?? 'null');

@@ -44,7 +44,7 @@ export class Link implements Listener {
   readonly info: Signal<ServerInfo | null> = signal(null);
   readonly channels: Signal<ReadonlyMap<string, Channel>> = signal(new Map());
   readonly services: Signal<ReadonlySet<string>> = signal(new Set());
-  /** What the server last complained of. */
+  /** The last complaint of the server. */
   readonly complaint: Signal<{readonly message: string; readonly atMs: number} | null> =
     signal(null);
   onParameterChange: (names: readonly string[]) => void = () => undefined;

@@ -11,7 +11,7 @@ export interface LogRow {
   readonly from: string;
   readonly sequence: string;
   readonly payload: string;
-  /** So many events were left out here. */
+  /** The number of events that were left out here. */
   readonly omittedCount: number;
 }
 

@@ -4,7 +4,7 @@ import {Series} from './series';
 
 /** Rows of five minutes at 60 Hz. */
 export const kRowMax = 18000;
-/** So many devices are followed at most. */
+/** The most devices that are followed. */
 export const kTrackMax = 16;
 export const kSlots = 8;
 

@@ -4,7 +4,7 @@ import {CallError} from '../protocol/client';
 import {texts as shown} from '../texts/texts';
 import type {Link} from './link';
 
-/** What became of the newest emergency stop that was asked for here. */
+/** The outcome of the newest emergency stop that was asked for here. */
 export type StopReport =
   | {readonly phase: 'none'}
   | {readonly phase: 'asked'}

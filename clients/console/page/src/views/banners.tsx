@@ -4,7 +4,7 @@ import {Confirm, Notice} from '../parts/parts';
 import {duration, timeOfDay} from '../parts/text';
 import {texts} from '../texts/texts';
 
-/** What an operator must know wherever he is. */
+/** Facts that an operator must know in every view. */
 export function Banners() {
   return (
     <div class="banners">
@@ -71,7 +71,7 @@ function StopReportBanner() {
   return null;
 }
 
-/** So many devices' reasons fit the banner; those of more show at the pointer. */
+/** The banner has room for the reasons of two devices; those of more show at the pointer. */
 const kReasonCountMax = 2;
 
 /** Stays, whatever becomes of names and connections, until the stop is delivered or dismissed. */

@@ -211,7 +211,7 @@ function Outcome({device}: {device: Device}) {
   );
 }
 
-/** What was done last, as long as it is so: a lease may have ended since. */
+/** The last command, as long as its effect lasts: a lease may have ended since. */
 function useDone(device: Device, done: Command | undefined): string {
   const words = texts.value.commands;
   const isOurs = useApp().operator.holds(device);

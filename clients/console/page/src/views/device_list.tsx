@@ -11,7 +11,7 @@ import {duration, fixed, percent, rate} from '../parts/text';
 import {texts} from '../texts/texts';
 import {Age, LeaseText, Lifecycle, otherText, worstText} from './device_status';
 
-/** So many devices have a card each; more have a row each. */
+/** Up to this number, devices have a card each; more have a row each. */
 const kCardMax = 12;
 /** A device that is slower than this share of its rate says so in its row. */
 const kFullRate = 0.95;

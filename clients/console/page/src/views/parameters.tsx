@@ -11,7 +11,7 @@ import {Field} from './field';
 
 /** Changes are told by the server; this catches what is not. */
 const kRefreshMs = 2000;
-/** So many names have a link each; more are in a list. */
+/** Up to this number, names have a link each; more are in a list. */
 const kLinkMax = 12;
 
 /** The parameters of a device or a program, as a form made of their descriptions. */

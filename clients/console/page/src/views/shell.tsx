@@ -64,7 +64,7 @@ export function Shell() {
   );
 }
 
-/** What the title of a window in the background must say. */
+/** The alarm that the title of a window in the background must say. */
 function alarmOf(app: App): string {
   if (app.notStopped.value.length > 0) return texts.value.header.titleNotStopped;
   if (app.stopped.value.length > 0) return texts.value.header.titleStopped;
