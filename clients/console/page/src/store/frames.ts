@@ -9,7 +9,7 @@ const kRestMaxMs = 250;
 
 const painters = new Set<Paint>();
 let request = 0;
-let paintedMs: number|null = null;
+let paintedMs: number | null = null;
 let dueMs = 0;
 
 function paintAll(nowMs: number): void {
