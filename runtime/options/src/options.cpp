@@ -388,9 +388,9 @@ void Options::add_registry(std::string& where) {
   Setting setting = setting_of(impl_->registry, {});
   setting.expected = "a URL rtpm://host:port/path, or several with ',' between";
   setting.read = [read = setting.read](const Texts& texts) {
-    const auto is_whole = [](const std::string& text) { return wire::parse_url(text).has_value(); };
-    const bool is_empty = texts.front().empty();
-    return (is_empty || std::ranges::all_of(items_of(texts), is_whole)) && read(texts);
+    return read(texts) && std::ranges::all_of(items_of(texts), [](const std::string& text) {
+             return !wire::is_url(text) || wire::parse_url(text);
+           });
   };
   impl_->add(
       shared.place_, "registry",

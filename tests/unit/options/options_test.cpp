@@ -238,7 +238,7 @@ TEST_F(OptionsTest, TakesDiscoveryWhereNoRegistryIsGiven) {
 
 TEST_F(OptionsTest, RefusesARegistryThatIsNoUrl) {
   expect_parsed({"--registry", "rtpm://h:1/n,rtpm://[::1]:2/n"});
-  for (const char* wrong : {"rtpm://127.0.0.1:7420", "h:1", "rtpm://h:1/n,lab/names"}) {
+  for (const char* wrong : {"rtpm://127.0.0.1:7420", "rtpm://h:1/n,rtpm://h"}) {
     expect_error({"--registry", wrong}, {wrong, "is not a URL rtpm://host:port/path"});
   }
 }

@@ -2,7 +2,7 @@ import {afterEach, beforeEach, expect, it, vi} from 'vitest';
 
 import {eachFrame} from '../src/store/frames';
 
-let frame: ((nowMs: number) => void)|null = null;
+let frame: ((nowMs: number) => void) | null = null;
 
 beforeEach(() => {
   vi.stubGlobal('requestAnimationFrame', (next: (nowMs: number) => void) => {
@@ -16,8 +16,7 @@ afterEach(() => vi.unstubAllGlobals());
 function paintedAt(endsMs: readonly number[]): readonly number[] {
   const painted: number[] = [];
   const end = eachFrame((nowMs) => painted.push(nowMs));
-  for (const endMs of endsMs)
-    frame?.(endMs);
+  for (const endMs of endsMs) frame?.(endMs);
   end();
   frame?.((endsMs.at(-1) ?? 0) + 1000);
   return painted;
