@@ -85,7 +85,7 @@ class Laboratory:
 
     def end(self):
         for program in reversed(self.running):
-            program.end()
+            assert program.end() not in (-signal.SIGSEGV, -signal.SIGABRT), program.text()
 
 
 @pytest.fixture

@@ -13,6 +13,12 @@
 #include "rtpm/ros2/messages.hpp"
 #include "rtpm/ros2/names.hpp"
 
+// Replaces the library's own function. Cyclone DDS 0.10.2 reads the answers that other participants
+// give each other about their types, and crashes at some of those of Fast DDS. RTPM's topics have no
+// type information, so that no answer is of use here.
+extern "C" void ddsi_tl_handle_reply(struct ddsi_domaingv* /*domain*/,
+                                     struct ddsi_serdata* /*reply*/) {}
+
 namespace rtpm::ros2 {
 namespace {
 
