@@ -56,18 +56,19 @@ def file(laboratory: Laboratory, node: rtpm.Node, tmp_path_factory: pytest.TempP
         rtpm.supplier(_names["Answered"], node=node) as answered,
     ):
         recorder = subprocess.Popen(
-            _rtpm(laboratory, "record", str(path), "--hub", "rtpm/events", "--for", "700ms"),
+            _rtpm(laboratory, "record", str(path), "--hub", "rtpm/events", "--for", "1s"),
             stdout=subprocess.DEVNULL,
             env=_environment(laboratory),
         )
         number = 0
         while recorder.poll() is None:
             number += 1
-            if number == 3:
+            # The recorder has begun, and has not ended.
+            if number == 30:
                 trial = rtpm.trial(1, "soft, then hard", seed=7, node=node)
-            if number == 5:
+            if number == 33:
                 trial.mark("touch")
-            if number == 8:
+            if number == 36:
                 trial.response = "yes"
                 trial.close()
             pressed.push(_names["Force"](0.1 * number, -1e-300, number))
