@@ -101,13 +101,18 @@ describe('plots', () => {
 
   it('pause, zoom by dragging, and follow again', async () => {
     const pause = page.getByTestId('plots-pause');
+    await until(
+      'five of 30 seconds',
+      () => paintedColumns(canvas(0)),
+      (share) => share > 0.16,
+    );
     await pause.click();
     await page.getByText('Paused: the plots do not follow.').waitFor();
     const kept = await value(kX, 'high');
     const {x, y, width, height} = await canvas(0).boundingBox();
-    await page.mouse.move(x + width * 0.7, y + height * 0.5);
+    await page.mouse.move(x + width * 0.9, y + height * 0.5);
     await page.mouse.down();
-    await page.mouse.move(x + width * 0.8, y + height * 0.5, {steps: 4});
+    await page.mouse.move(x + width * 0.95, y + height * 0.5, {steps: 4});
     await page.mouse.up();
     await until(
       'a smaller range',

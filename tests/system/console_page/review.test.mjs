@@ -29,7 +29,8 @@ const paintedColumns = () =>
     const painted = new Set();
     for (let i = 0; i < data.length; i += 4) {
       const [low, high] = [Math.min, Math.max].map((of) => of(data[i], data[i + 1], data[i + 2]));
-      if (data[i + 3] > 128 && high - low > 60) painted.add((i / 4) % width);
+      // On a screen of half the pixels a line is half transparent.
+      if (data[i + 3] > 50 && high - low > 60) painted.add((i / 4) % width);
     }
     return painted.size / width;
   });
