@@ -31,7 +31,10 @@ export async function open(browser, url, options = {}) {
   page.on('pageerror', (error) => page.faults.push(String(error.stack)));
   page.on('console', (message) => {
     // A connection that is refused while the console is down is what the page is tested for.
-    if (message.type() === 'error' && !/WebSocket|ERR_CONNECTION_|ERR_EMPTY_RESPONSE/.test(message.text())) {
+    if (
+      message.type() === 'error' &&
+      !/WebSocket|ERR_CONNECTION_|ERR_EMPTY_RESPONSE/.test(message.text())
+    ) {
       page.faults.push(message.text());
     }
   });
