@@ -82,8 +82,8 @@ void check_name(const SourceFile& file, std::size_t line, const std::string& nam
   }
 }
 
-/// The comment that ends a line, or a line of a block of them, without its slashes, stars and label;
-/// nothing if there is none.
+/// The comment that ends a line, or a line of a block comment, without slashes, stars and label.
+/// Nullopt: the line has no comment.
 std::optional<std::string> comment_of(const std::string& line) {
   static const std::regex kLabel("^@\\w+ +(\\w+  +)?");
   static const std::regex kBlock("^ *(/\\*\\*| \\*) +");

@@ -159,8 +159,7 @@ std::string refusal_of(const ExportRequest& request) {
   }
   if (request.is_ros2 && (request.has_columns() || request.has({"--topics"}))) {
     return "topics and columns are not for --ros2; `rtpm bag cut --topics` makes a recording of "
-           "some "
-           "topics";
+           "some topics";
   }
   return {};
 }

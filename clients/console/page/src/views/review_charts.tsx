@@ -97,7 +97,7 @@ export function Charts({runs, shared}: {runs: readonly ShownRun[]; shared: Share
   );
 }
 
-/** The part of `span` that is inside; at least something. */
+/** The part of `span` that is in `whole`; both have a moment in common. */
 function overlap(span: Span, whole: Span): Span {
   return {fromS: Math.max(span.fromS, whole.fromS), toS: Math.min(span.toS, whole.toS)};
 }
