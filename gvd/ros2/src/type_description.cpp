@@ -74,8 +74,10 @@ std::string json_of(const TypeDescription& type) {
 std::string definition_of(const std::vector<TypeDescription>& types) {
   std::string text;
   for (const TypeDescription& type : types) {
-    if (&type != types.data())
-      text += std::string(80, '=') + "\nMSG: " + short_name(type.name) + "\n";
+    if (&type != types.data()) {
+      text.append(80, '=');
+      text += "\nMSG: " + short_name(type.name) + "\n";
+    }
     for (const Field& field : type.fields) {
       if (field.name != kEmptyField)
         text += type_text(field.type) + " " + std::string(field.name) + "\n";
