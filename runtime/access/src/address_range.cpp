@@ -1,7 +1,6 @@
 #include "rtpm/access/address_range.hpp"
 
-#include <arpa/inet.h>
-
+#include "os/file.hpp"
 #include "rtpm/base/whole_number.hpp"
 
 namespace rtpm::access {
@@ -17,12 +16,12 @@ bool is_set(const NetworkAddress& address, unsigned bit) noexcept {
 }  // namespace
 
 std::optional<NetworkAddress> parse_address(std::string_view text) {
-  const std::string copy(text);  // inet_pton() needs a terminating zero.
+  const std::string copy(text);
   NetworkAddress address{};
-  if (inet_pton(AF_INET6, copy.c_str(), address.data()) == 1) return address;
+  if (os::parse_ipv6(copy, address.data())) return address;
   address = {};
   address[10] = address[11] = 0xff;
-  if (inet_pton(AF_INET, copy.c_str(), address.data() + 12) == 1) return address;
+  if (os::parse_ipv4(copy, address.data() + 12)) return address;
   return std::nullopt;
 }
 

@@ -1,28 +1,18 @@
 #include "rtpm/access/files.hpp"
 
-#include <fcntl.h>
-#include <pwd.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include <array>
-#include <cerrno>
 #include <cstdlib>
-#include <filesystem>
 #include <optional>
 #include <span>
 #include <utility>
 
-#include "open_file.hpp"
+#include "folder.hpp"
+#include "os/file.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/crypto/key_text.hpp"
 #include "words.hpp"
 
 namespace rtpm::access {
 namespace {
-
-constexpr mode_t kOfOthers = S_IRWXG | S_IRWXO;
-constexpr mode_t kWriteOfOthers = S_IWGRP | S_IWOTH;
 
 /// Secret text, wiped on destruction.
 struct SecretText {
@@ -31,69 +21,55 @@ struct SecretText {
 };
 
 /// Appends the whole file to `text`, whose memory is reserved so that no copy is left behind.
-std::error_code read_all(const File& file, std::string& text) {
+std::error_code read_all(const os::File& file, std::string& text) {
   text.reserve(kFileSizeMax + 1);
   text.resize(kFileSizeMax + 1);
   std::size_t size = 0;
   while (size < text.size()) {
-    const ssize_t count = ::read(file.number(), text.data() + size, text.size() - size);
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return system_error(errno);
-    if (count == 0) break;
-    size += static_cast<std::size_t>(count);
+    const auto count = os::read(file, text.data() + size, text.size() - size);
+    if (!count) return count.error();
+    if (*count == 0) break;
+    size += *count;
   }
   text.resize(size);
   return {};
 }
 
-/// @param forbidden  the permission bits that the file must not have
-expected<void, SetupError> check(const File& file, const std::string& path, mode_t forbidden) {
+expected<void, SetupError> check(const os::File& file, const std::string& path,
+                                 os::Forbidden forbidden) {
   const std::string what = printable(path, kShownWhole) + " is not used";
-  struct stat status {};
-  if (::fstat(file.number(), &status) != 0) return setup_error(what, system_error(errno));
-  if (!S_ISREG(status.st_mode)) return setup_error(what, "it is no regular file");
-  if (status.st_uid != ::geteuid() && status.st_uid != 0)
-    return setup_error(what, "it belongs to another user, number " + std::to_string(status.st_uid),
-                       "chown it to the user who runs this program");
-  if ((status.st_mode & forbidden) != 0) {
-    const bool is_secret = forbidden == kOfOthers;
-    return setup_error(what, is_secret ? "others can read or write it" : "others can write it",
-                       (is_secret ? "chmod 600 " : "chmod go-w ") + printable(path, kShownWhole));
-  }
+  const auto distrust = os::distrust_of(file, path, forbidden);
+  if (!distrust) return setup_error(what, distrust.error());
+  if (*distrust) return setup_error(what, (*distrust)->why, (*distrust)->remedy);
   return {};
 }
 
 expected<void, SetupError> write_secret(const std::string& path, std::string_view text) {
   const std::string what = printable(path, kShownWhole) + " can't be made";
-  // O_EXCL: an existing key is never replaced, and no link is followed.
-  const File file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
-  if (!file.is_open()) {
-    if (errno == EEXIST)
+  const auto file = os::open(path, os::Mode::kCreate);
+  if (!file) {
+    if (file.error() == std::errc::file_exists)
       return setup_error(
           what, "there is one already",
           "use it, or move it away first: who trusts the old key does not trust a new one");
-    return setup_error(what, system_error(errno));
+    return setup_error(what, file.error());
   }
-  const ssize_t count = ::write(file.number(), text.data(), text.size());
-  if (count == static_cast<ssize_t>(text.size()) && ::fsync(file.number()) == 0) return {};
-  const int error = count < 0 || count == static_cast<ssize_t>(text.size()) ? errno : ENOSPC;
-  ::unlink(path.c_str());
-  return setup_error(what, system_error(error));
+  std::error_code error = os::write(file->number(), text);
+  if (!error) error = os::flush(*file);
+  if (!error) return {};
+  os::remove(path);
+  return setup_error(what, error);
 }
 
 }  // namespace
 
 expected<std::string, SetupError> key_folder() {
-  const auto variable = [](const char* name) -> std::string {
-    const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe): set-up.
-    return value == nullptr ? "" : value;
-  };
-  if (const std::string folder = variable("RTPM_KEYS"); !folder.empty()) return folder;
-  if (const std::string folder = variable("XDG_CONFIG_HOME"); !folder.empty())
-    return folder + "/rtpm";
-  if (const std::string home = variable("HOME"); !home.empty()) return home + "/.config/rtpm";
+  // NOLINTNEXTLINE(concurrency-mt-unsafe): set-up.
+  if (const char* folder = std::getenv("RTPM_KEYS"); folder != nullptr && *folder != '\0')
+    return folder;
+  if (std::string folder = os::default_key_folder(); !folder.empty()) return folder;
   return setup_error("there is no folder for keys",
-                     "RTPM_KEYS, XDG_CONFIG_HOME and HOME are not set",
+                     "RTPM_KEYS, " + std::string(os::key_folder_variables()) + " are not set",
                      "set RTPM_KEYS to a folder of your own");
 }
 
@@ -105,11 +81,7 @@ expected<std::string, SetupError> key_file_path(const std::string& given, std::s
 }
 
 expected<crypto::KeyPair, SetupError> make_key(const std::string& path, std::string_view comment) {
-  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  std::error_code error;
-  if (!folder.empty() && std::filesystem::create_directories(folder, error))
-    std::filesystem::permissions(folder, std::filesystem::perms::owner_all, error);
-  if (error) return setup_error(printable(folder.string(), kShownWhole) + " can't be made", error);
+  if (const auto made = make_folder_of(path); !made) return unexpected{made.error()};
   crypto::KeyPair pair = crypto::KeyPair::generate();
   crypto::KeyText key;
   crypto::encode_key(pair.private_key.bytes(), key);
@@ -126,15 +98,15 @@ expected<crypto::KeyPair, SetupError> make_key(const std::string& path, std::str
 
 expected<crypto::KeyPair, SetupError> read_key(const std::string& path) {
   const std::string what = printable(path, kShownWhole) + " can't be read";
-  const File file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
-  if (!file.is_open()) {
-    const int error = errno;
-    return setup_error(what, system_error(error),
-                       error == ENOENT ? "make a key: rtpm key new" : "");
+  const auto file = os::open(path, os::Mode::kRead);
+  if (!file) {
+    const bool is_missing = file.error() == std::errc::no_such_file_or_directory;
+    return setup_error(what, file.error(), is_missing ? "make a key: rtpm key new" : "");
   }
-  if (auto checked = check(file, path, kOfOthers); !checked) return unexpected{checked.error()};
+  if (auto checked = check(*file, path, os::Forbidden::kToReadOrWrite); !checked)
+    return unexpected{checked.error()};
   SecretText secret;
-  if (const auto error = read_all(file, secret.text)) return setup_error(what, error);
+  if (const auto error = read_all(*file, secret.text)) return setup_error(what, error);
   std::optional<crypto::KeyPair> pair;
   visit_lines(secret.text, [&](std::string_view line, std::size_t) {
     const std::vector<Word> words = words_of(line);
@@ -150,10 +122,10 @@ expected<crypto::KeyPair, SetupError> read_key(const std::string& path) {
 }
 
 std::string key_comment(const std::string& path) {
-  const File file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
-  if (!file.is_open() || !check(file, path, kOfOthers)) return {};
+  const auto file = os::open(path, os::Mode::kRead);
+  if (!file || !check(*file, path, os::Forbidden::kToReadOrWrite)) return {};
   SecretText secret;
-  if (read_all(file, secret.text)) return {};
+  if (read_all(*file, secret.text)) return {};
   std::string comment;
   visit_lines(secret.text, [&](std::string_view line, std::size_t) {
     const std::vector<Word> words = words_of(line);
@@ -164,15 +136,15 @@ std::string key_comment(const std::string& path) {
 }
 
 expected<std::string, SetupError> read_trusted_file(const std::string& path) {
-  const File file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
-  if (!file.is_open()) {
-    if (errno == ENOENT) return std::string();
-    return setup_error(printable(path, kShownWhole) + " can't be read", system_error(errno));
+  const auto file = os::open(path, os::Mode::kRead);
+  if (!file) {
+    if (file.error() == std::errc::no_such_file_or_directory) return std::string();
+    return setup_error(printable(path, kShownWhole) + " can't be read", file.error());
   }
-  if (auto checked = check(file, path, kWriteOfOthers); !checked)
+  if (auto checked = check(*file, path, os::Forbidden::kToWrite); !checked)
     return unexpected{checked.error()};
   std::string text;
-  if (const auto error = read_all(file, text))
+  if (const auto error = read_all(*file, text))
     return setup_error(printable(path, kShownWhole) + " can't be read", error);
   if (text.size() > kFileSizeMax)
     return setup_error(printable(path, kShownWhole) + " is not used",
@@ -181,22 +153,22 @@ expected<std::string, SetupError> read_trusted_file(const std::string& path) {
 }
 
 FileStamp stamp_of(const std::string& path) noexcept {
-  struct stat found {};
-  if (::stat(path.c_str(), &found) != 0) return {};
-  return {found.st_ino, found.st_ctim.tv_sec * 1'000'000'000LL + found.st_ctim.tv_nsec,
-          found.st_size};
+  return os::stamp_of(path);
 }
 
 std::string user_at_host() {
-  std::array<char, 256> host{};
-  if (::gethostname(host.data(), host.size() - 1) != 0) return {};
-  const passwd* const user = ::getpwuid(this_user());  // NOLINT(concurrency-mt-unsafe): set-up.
-  const std::string name = user != nullptr ? user->pw_name : std::to_string(this_user());
-  return name + "@" + host.data();
+  return os::user_at_host();
 }
 
 std::uint32_t this_user() noexcept {
-  return ::geteuid();
+  return os::this_user();
+}
+
+expected<void, SetupError> make_folder_of(const std::string& path) {
+  const std::error_code error = os::make_folder_of(path);
+  if (!error) return {};
+  const std::string folder = path.substr(0, path.find_last_of("/\\"));
+  return setup_error(printable(folder, kShownWhole) + " can't be made", error);
 }
 
 }  // namespace rtpm::access

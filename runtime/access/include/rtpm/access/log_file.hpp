@@ -35,7 +35,7 @@ class LogFile {
 
   std::string path_;
   std::uint64_t size_max_;
-  int number_ = -1;
+  std::intptr_t number_ = -1;  ///< The system's number of the open file.
   std::uint64_t size_ = 0;
 };
 

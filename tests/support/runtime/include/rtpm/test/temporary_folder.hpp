@@ -1,11 +1,11 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <random>
 #include <string>
 #include <system_error>
 
@@ -14,7 +14,14 @@ namespace rtpm::test {
 /// A folder that only this user can enter, removed with its content at the end.
 class TemporaryFolder {
  public:
-  TemporaryFolder() { EXPECT_NE(mkdtemp(path_.data()), nullptr); }
+  TemporaryFolder() {
+    std::random_device random;
+    const std::string begin = (std::filesystem::temp_directory_path() / "rtpm-").string();
+    do {
+      path_ = begin + std::to_string(random());
+    } while (!std::filesystem::create_directory(path_));
+    std::filesystem::permissions(path_, std::filesystem::perms::owner_all);
+  }
   TemporaryFolder(const TemporaryFolder&) = delete;
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
   ~TemporaryFolder() {
@@ -37,7 +44,7 @@ class TemporaryFolder {
   }
 
  private:
-  std::string path_ = (std::filesystem::temp_directory_path() / "rtpm-XXXXXX").string();
+  std::string path_{};
 };
 
 }  // namespace rtpm::test
