@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <system_error>
 
 #include "rtpm/base/assert.hpp"
@@ -35,9 +36,8 @@ std::optional<Duration> scaled(std::string_view number, std::int64_t ns) {
   std::int64_t whole = 0;
   if (const auto read = std::from_chars(number.data(), end, whole);
       read.ec == std::errc{} && read.ptr == end) {
-    std::int64_t product = 0;
-    if (__builtin_mul_overflow(whole, ns, &product)) return std::nullopt;
-    return Duration{product};
+    if (whole > std::numeric_limits<std::int64_t>::max() / ns) return std::nullopt;
+    return Duration{whole * ns};
   }
   double fraction = 0;
   const auto read = std::from_chars(number.data(), end, fraction, std::chars_format::fixed);

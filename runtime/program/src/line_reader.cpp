@@ -1,15 +1,10 @@
 #include "rtpm/program/line_reader.hpp"
 
-#include <poll.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <array>
-#include <cerrno>
+#include <chrono>
 #include <utility>
 
-#include "rtpm/rt/clock.hpp"
-#include "rtpm/rt/native_time.hpp"
+#include "os/terminal.hpp"
 
 namespace rtpm::program {
 
@@ -26,20 +21,14 @@ bool LineReader::take_line(std::string& line) {
 }
 
 LineReader::Outcome LineReader::read_for(Duration duration, std::string& line) {
-  const MonotonicTime until = rt::now() + duration;
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point begin = Clock::now();
   while (!take_line(line)) {
     if (is_at_end_) return Outcome::kEnd;
-    const timespec timeout = rt::to_timespec(std::max(Duration{0}, until - rt::now()));
-    pollfd wanted{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
-    const int ready_count = ppoll(&wanted, 1, &timeout, nullptr);
-    if (ready_count == 0) return Outcome::kNone;
-    std::array<char, 1024> part{};
-    const ssize_t size = ready_count < 0 ? -1 : read(STDIN_FILENO, part.data(), part.size());
-    if (size > 0) {
-      buffer_.append(part.data(), static_cast<std::size_t>(size));
-    } else if (size == 0 || errno != EINTR) {
-      is_at_end_ = true;
-    }
+    const Duration left = std::max(Duration{0}, duration - (Clock::now() - begin));
+    const auto end = os::read_input(input_, left, buffer_);
+    if (end == os::InputEnd::kNone) return Outcome::kNone;
+    is_at_end_ = end == os::InputEnd::kEnd;
   }
   return Outcome::kLine;
 }

@@ -1,65 +1,22 @@
 #include "rtpm/program/stop_signal.hpp"
 
-#include <poll.h>
-#include <pthread.h>
-#include <sys/signalfd.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
-#include <cstdlib>
-#include <cstring>
-#include <string>
 
-#include "rtpm/rt/log.hpp"
-#include "rtpm/rt/native_time.hpp"
+#include "os/stop.hpp"
 
 namespace rtpm::program {
-namespace {
-
-/// Whether the descriptor became readable within `timeout`; if null, waits for ever. The data is
-/// never read: the signal stays pending, so every thread that asks sees it, now and later.
-bool is_pending(int signals, const timespec* timeout) noexcept {
-  pollfd wanted{.fd = signals, .events = POLLIN, .revents = 0};
-  return ppoll(&wanted, 1, timeout, nullptr) > 0;
-}
-
-bool is_ignored(int signal) noexcept {
-  struct sigaction action {};
-  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
-}
-
-}  // namespace
 
 std::vector<int> stop_signals() {
-  std::vector<int> signals{SIGINT, SIGTERM};
-  for (const int signal : {SIGHUP, SIGQUIT}) {
-    // The kernel also reports blocked signals that are ignored.
-    if (!is_ignored(signal)) signals.push_back(signal);
-  }
-  return signals;
+  return os::stop_signals();
 }
 
-StopSignal::StopSignal(LostOutput lost_output) : lost_output_(lost_output) {
-  sigset_t signals;
-  sigemptyset(&signals);
-  for (const int signal : stop_signals())
-    sigaddset(&signals, signal);
-  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  signals_ = signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK);
-  if (signals_ < 0) {
-    rt::print_error({}, "the system gives no descriptor to wait for signals (" +
-                            std::string(std::strerror(errno)) +
-                            "): close files, or raise the limit of open files (ulimit -n)");
-    std::exit(1);
-  }
-}
+StopSignal::StopSignal(LostOutput lost_output)
+    : lost_output_(lost_output), source_(os::open_stop_source()) {}
 
 StopSignal::~StopSignal() {
-  close(signals_);
+  os::close_stop_source(source_);
 }
 
 bool StopSignal::is_output_lost() const noexcept {
@@ -67,13 +24,12 @@ bool StopSignal::is_output_lost() const noexcept {
 }
 
 bool StopSignal::is_requested() const noexcept {
-  constexpr timespec kNow{};
-  return is_output_lost() || is_pending(signals_, &kNow);
+  return is_output_lost() || os::await_stop(source_, Duration{0});
 }
 
 void StopSignal::wait() const noexcept {
   // Other signals, such as a debugger's, end the system call early.
-  while (!is_pending(signals_, nullptr)) {
+  while (!os::await_stop(source_, std::nullopt)) {
   }
 }
 
@@ -83,8 +39,7 @@ bool StopSignal::wait_for(Duration duration) const noexcept {
   const Clock::time_point begin = Clock::now();
   for (;;) {
     const Duration left = std::max(Duration{0}, duration - (Clock::now() - begin));
-    const timespec timeout = rt::to_timespec(left);
-    if (is_pending(signals_, &timeout)) return true;
+    if (os::await_stop(source_, left)) return true;
     if (left.count() == 0) return false;
   }
 }

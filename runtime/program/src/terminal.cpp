@@ -1,14 +1,12 @@
 #include "rtpm/program/terminal.hpp"
 
-#include <sys/ioctl.h>
-#include <unistd.h>
+#include "os/terminal.hpp"
 
 namespace rtpm::program {
 
 std::size_t terminal_width(std::size_t otherwise) noexcept {
-  winsize size{};
-  const bool is_told = ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
-  return is_told ? size.ws_col : otherwise;
+  const std::size_t width = os::terminal_width();
+  return width > 0 ? width : otherwise;
 }
 
 }  // namespace rtpm::program

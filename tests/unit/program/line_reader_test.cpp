@@ -1,40 +1,23 @@
 #include "rtpm/program/line_reader.hpp"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <array>
 #include <chrono>
 #include <string>
 #include <string_view>
+#include <thread>
+
+#include "standard_input.hpp"
 
 namespace rtpm::program {
 namespace {
 
 using Outcome = LineReader::Outcome;
 
-/// Standard input is a pipe that the test writes to.
 class Lines : public testing::Test {
  protected:
-  Lines() : saved_(dup(STDIN_FILENO)) {
-    std::array<int, 2> ends{};
-    EXPECT_EQ(pipe(ends.data()), 0);
-    dup2(ends[0], STDIN_FILENO);
-    close(ends[0]);
-    writer_ = ends[1];
-  }
-  void TearDown() override {
-    hang_up();
-    dup2(saved_, STDIN_FILENO);
-    close(saved_);
-  }
-  void type(std::string_view text) const {
-    EXPECT_EQ(write(writer_, text.data(), text.size()), static_cast<ssize_t>(text.size()));
-  }
-  void hang_up() {
-    if (writer_ >= 0) close(writer_);
-    writer_ = -1;
-  }
+  void type(std::string_view text) { input_.type(text); }
+  void hang_up() { input_.hang_up(); }
   /// The next line; the test fails if there is none.
   std::string next() {
     std::string line;
@@ -46,8 +29,7 @@ class Lines : public testing::Test {
     return reader_.read_for(Duration{0}, line);
   }
 
-  int saved_;
-  int writer_ = -1;
+  test::StandardInput input_{};
   LineReader reader_{};
 };
 
@@ -67,6 +49,12 @@ TEST_F(Lines, EndWithTheInput) {
   EXPECT_EQ(next(), "last") << "without a line feed";
   EXPECT_EQ(look(), Outcome::kEnd);
   EXPECT_EQ(look(), Outcome::kEnd);
+}
+
+TEST_F(Lines, AreAwaited) {
+  std::thread writer([&] { type("late\n"); });
+  EXPECT_EQ(next(), "late");
+  writer.join();
 }
 
 TEST_F(Lines, AreSplitIfTooLong) {

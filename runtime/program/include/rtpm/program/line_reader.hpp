@@ -1,11 +1,15 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 
 #include "rtpm/base/time.hpp"
 
 namespace rtpm::program {
+namespace os {
+class Input;
+}
 
 /// The lines of standard input, for a program that waits for other things, too.
 /// @ownership one per program; it reads ahead
@@ -26,6 +30,7 @@ class LineReader {
  private:
   [[nodiscard]] bool take_line(std::string& line);
 
+  std::shared_ptr<os::Input> input_{};  ///< On Windows, where a thread reads.
   std::string buffer_{};
   bool is_at_end_ = false;
 };

@@ -9,7 +9,7 @@ namespace rtpm::program {
 
 /// The signals that ask a program to end: SIGINT (Ctrl-C), SIGTERM, SIGHUP (its terminal is gone)
 /// and SIGQUIT. The latter two are left out if they are ignored, as under nohup and in a shell's
-/// background jobs.
+/// background jobs. On Windows SIGINT and SIGTERM, for programs that start others.
 [[nodiscard]] std::vector<int> stop_signals();
 
 /// Whether a program continues when it can no longer write to standard output.
@@ -18,7 +18,8 @@ enum class LostOutput : std::uint8_t {
   kRequestsEnd,  ///< Its output is its only purpose.
 };
 
-/// The request to end the program: one of stop_signals().
+/// The request to end the program: one of stop_signals(). On Windows: Ctrl-C, Ctrl-Break, a closed
+/// console, a shutdown, or another process that sets the event "Local\rtpm-stop-PID".
 ///
 /// The constructor blocks them in the calling thread and in all threads started later. So they
 /// interrupt no real-time thread, and a second one does not cut an orderly shutdown short (SIGKILL
@@ -49,7 +50,7 @@ class StopSignal {
   [[nodiscard]] bool is_output_lost() const noexcept;
 
   LostOutput lost_output_;
-  int signals_ = -1;
+  std::intptr_t source_;
 };
 
 }  // namespace rtpm::program
