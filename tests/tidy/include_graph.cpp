@@ -195,9 +195,10 @@ const std::vector<Foreign>& foreigners() {
       // host, and needs random numbers; Python's event loops wait for descriptors, and it forks; VRPN
       // has a protocol of its own on sockets.
       {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
-                  "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc)\\.h)"),
+                  "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc|pwd|windows|winsock2|ws2tcpip|"
+                  "aclapi|sddl|lmcons|io)\\.h)"),
        "the operating system",
-       {"runtime/access/src/", "runtime/rt/", "runtime/transport/", "runtime/program/src/",
+       {"runtime/access/src/os/", "runtime/rt/", "runtime/transport/", "runtime/program/src/os/",
         "runtime/options/src/", "gvd/driver_host/src/", "gvd/recording/file/src/",
         "gvd/incidents/src/", "devices/evdev/src/", "devices/falcon/src/", "devices/hid/src/",
         "devices/io/src/", "devices/mpv/src/", "devices/serial/src/", "devices/vrpn/src/",

@@ -109,6 +109,8 @@ TEST(BannedWords, AreFoundWherePlanted) {
       {"runtime/rt/src/a.cpp", "void f() { std::this_thread::sleep_for(x); printf(\"x\"); }\n"},
       {"clients/servo/a.cpp", "auto t = std::chrono::system_clock::now();\n"},
       {"clients/servo/main.cpp", "std::fprintf(stderr, name);\n"},
+      {"runtime/access/src/a.cpp", "#if defined(__linux__)\n#endif\n"},
+      {"runtime/access/src/b.cpp", "#include <windows.h>\n"},
       {"gvd/driver/src/a.cpp", "auto t = std::chrono::steady_clock::now();\n"},
       {"spec/a.md", std::string("one\n\nTO") + "DO: say more\n"},
       {"README.md", std::string("see /ho") + "me/somebody/rtpm\n"},
@@ -125,13 +127,16 @@ TEST(BannedWords, AreFoundWherePlanted) {
   expect_fault(faults, "README.md:1:", "rule machine-path");
   expect_fault(faults, "runtime/rpc/src/b.hpp:1:", "rule function");
   expect_fault(faults, "clients/servo/main.cpp:1:", "rule stderr");
-  EXPECT_EQ(faults.size(), 10u);
+  expect_fault(faults, "runtime/access/src/a.cpp:1:", "rule system");
+  expect_fault(faults, "runtime/access/src/b.cpp:1:", "rule system");
+  EXPECT_EQ(faults.size(), 12u);
 }
 
 TEST(BannedWords, AreAllowedInCommentsTextsAndOtherFolders) {
   expect_no_fault(
       find_banned_words({{"runtime/rpc/src/a.cpp", "// never std::mutex, never throw\n"},
                          {"runtime/rpc/src/b.cpp", "auto a = \"printf\";\n"},
+                         {"runtime/rt/src/os/linux/a.cpp", "#ifdef __linux__\n#endif\n"},
                          {"clients/servo/a.cpp", "std::mutex guard; printf(\"x\");\n"}},
                         {}));
 }
