@@ -9,6 +9,11 @@ endfunction()
 
 find_package(Threads REQUIRED)
 
+if(WIN32 AND CMAKE_CROSSCOMPILING)
+  include(RtpmWindowsDependencies)
+  return()
+endif()
+
 include(RtpmFlatbuffers)
 if(RTPM_FLATBUFFERS_PROBLEM)
   message(FATAL_ERROR "${RTPM_FLATBUFFERS_PROBLEM}")

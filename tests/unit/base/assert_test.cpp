@@ -12,9 +12,9 @@ TEST(Assert, EvaluatesItsConditionOnce) {
 }
 
 TEST(AssertDeathTest, NamesTheBrokenPromiseAndItsLocation) {
-  EXPECT_DEATH(
-      RTPM_ASSERT(1 + 1 == 3, "sums add up"),
-      "rtpm: bug: sums add up \\(1 \\+ 1 == 3 does not hold\\) at .*assert_test\\.cpp:[0-9]+");
+  // GoogleTest's regular expressions have no classes on Windows.
+  EXPECT_DEATH(RTPM_ASSERT(1 + 1 == 3, "sums add up"),
+               "rtpm: bug: sums add up \\(1 \\+ 1 == 3 does not hold\\) at .*assert_test\\.cpp:.");
 }
 
 }  // namespace

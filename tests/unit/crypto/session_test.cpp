@@ -1,14 +1,10 @@
 #include "rtpm/crypto/session.hpp"
 
 #include <gtest/gtest.h>
-#include <sys/mman.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <map>
 #include <memory>
-#include <new>
 #include <set>
 #include <type_traits>
 
@@ -239,32 +235,6 @@ TEST_P(SessionTest, SealsAndOpensNothingAfterItsEnd) {
   EXPECT_EQ(pair.open(frame), OpenError::kEnded);
   Bytes out(kHeader + kTrailerSize);
   EXPECT_EQ(pair.server->seal(Bytes(kHeader), {}, out).error(), SealError::kEnded);
-}
-
-// A child process that continued to seal would repeat its parent's counters.
-TEST_P(SessionTest, SealsNothingInAForkedChildWithWipedMemory) {
-  const std::size_t size = (sizeof(SealedSession) + 4095) / 4096 * 4096;
-  void* const pages =
-      mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  ASSERT_NE(pages, MAP_FAILED);
-  if (madvise(pages, size, MADV_WIPEONFORK) != 0) {
-    munmap(pages, size);
-    GTEST_SKIP() << "this kernel has no MADV_WIPEONFORK";
-  }
-  Random random(5);
-  auto* const session =
-      new (pages) SealedSession(keys_of_both(GetParam(), random).client, Order::kAny);
-  Bytes out(kHeader + kTrailerSize);
-  const Bytes header(kHeader);
-  ASSERT_TRUE(session->seal(header, {}, out));
-  const pid_t child = fork();
-  if (child == 0) _exit(session->seal(header, {}, out) ? 1 : 0);
-  int status = 0;
-  ASSERT_EQ(waitpid(child, &status, 0), child);
-  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
-  EXPECT_TRUE(session->seal(header, {}, out));
-  std::destroy_at(session);
-  munmap(pages, size);
 }
 
 }  // namespace

@@ -3,10 +3,8 @@
 #include <algorithm>
 
 #include "peers.hpp"
-#include "rtpm/rt/secret_memory.hpp"
-#include "rtpm/test/child.hpp"
 
-// The effect of a server's grants on its sessions, and a forked child's view of them.
+// The effect of a server's grants on its sessions.
 namespace rtpm::sealed::test {
 namespace {
 
@@ -103,30 +101,6 @@ TEST(SealedSessions, AreSilentAtAServerWithWipedKeys) {
   Client stranger(server.identity.key.public_key);
   stranger.open(kNow);
   EXPECT_TRUE(server.receive(stranger.sent.front(), kNow).empty());
-}
-
-TEST(SealedSessions, AreSilentInAForkedChild) {
-  const rt::SecretMemory secrets(std::size_t{256} * 1024);
-  Server server;
-  server.secrets = secrets.bytes();
-  server.restart();
-  Client client(server.identity.key.public_key);
-  open_and_call(client, server, kNow);
-  client.call("two", kNow);
-  const Bytes call = client.sent.front();
-  const auto child = rtpm::test::run_in_child([&] {
-    wire::Header header;
-    header.kind = FrameKind::kReply;
-    header.session = client.channel.session();
-    std::array<std::byte, wire::kHeaderSize> reply;
-    wire::encode(header, reply.data());
-    const bool is_silent = server.sealed->seal(reply).empty() && server.receive(call, kNow).empty();
-    return std::string(is_silent && server.run_count == 1 ? "silent" : "speaks");
-  });
-  EXPECT_EQ(child.said, "silent");
-  talk(client, server, kNow);
-  EXPECT_EQ(client.reply, "two");
-  server.sealed.reset();
 }
 
 // A server of sealed sessions only must not send a frame unsealed, either.
