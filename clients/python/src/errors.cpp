@@ -36,7 +36,8 @@ void raise(const SetupError& error) {
   const RunsPython scope;
   const bool is_call =
       error.cause.category() == rpc::make_error_code(rpc::CallError::kTimeout).category();
-  const char* name = is_call ? name_of(static_cast<rpc::CallError>(error.cause.value())) : "";
+  // See rpc::make_error_code().
+  const char* name = is_call ? name_of(static_cast<rpc::CallError>(error.cause.value() - 1)) : "";
   raise_object(errors().attr("of_setup")(error.what, error.why, error.remedy, name, error.text()));
 }
 

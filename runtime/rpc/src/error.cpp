@@ -11,16 +11,16 @@ namespace {
 class CallErrorCategory final : public std::error_category {
   const char* name() const noexcept override { return "call"; }
   std::string message(int value) const override {
-    return std::string(to_string(static_cast<CallError>(value)));
+    return std::string(to_string(static_cast<CallError>(value - 1)));
   }
 };
 
 }  // namespace
 
-// Zero is an error here, but means success in a std::error_code.
 std::error_code make_error_code(CallError error) noexcept {
   static const CallErrorCategory category;
-  return {static_cast<int>(error), category};
+  // From 1 on, because zero is success in a std::error_code.
+  return {static_cast<int>(error) + 1, category};
 }
 
 std::string to_string(CallerHost host) {

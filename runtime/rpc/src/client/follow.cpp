@@ -58,7 +58,8 @@ bool Binding::Impl::follow(const std::string& at_url) {
                     .open(deadline_after(patience, rt::now()));
   if (!opened) {
     const std::error_code cause = opened.error().cause;
-    refusal_.store(is_refusal(cause) ? cause.value() : kNoRefusal, std::memory_order_relaxed);
+    // See make_error_code().
+    refusal_.store(is_refusal(cause) ? cause.value() - 1 : kNoRefusal, std::memory_order_relaxed);
     const std::lock_guard lock(telling_);
     ++followed_.resolve_count;
     followed_.trouble = "the name '" + printable(name_) + "' leads to " + printable(at_url) + ": " +
