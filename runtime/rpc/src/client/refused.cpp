@@ -6,6 +6,7 @@
 #include <string>
 
 #include "rtpm/base/printable.hpp"
+#include "rtpm/rpc/completions.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -57,9 +58,14 @@ CallError error_of(wire::Status status) noexcept {
 
 }  // namespace
 
-CallError refused(wire::Status status, ConstBytes text) noexcept {
+void set_refusal_text(std::string_view text) noexcept {
   refusal_size = std::min(text.size(), refusal.size());
-  if (refusal_size > 0) std::memcpy(refusal.data(), text.data(), refusal_size);
+  // The text may be this thread's own.
+  if (refusal_size > 0) std::memmove(refusal.data(), text.data(), refusal_size);
+}
+
+CallError refused(wire::Status status, ConstBytes text) noexcept {
+  set_refusal_text({reinterpret_cast<const char*>(text.data()), text.size()});
   return error_of(status);
 }
 

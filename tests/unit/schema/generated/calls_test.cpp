@@ -251,6 +251,32 @@ TEST_F(GeneratedCalls, CompletionsReportCancelledAndFailedCalls) {
   EXPECT_EQ(errors, (std::vector{CallError::kTooLarge, CallError::kCancelled}));
 }
 
+TEST_F(GeneratedCalls, CompletionsWaitForSingleItems) {
+  rtpm::rpc::Completions completions;
+  auto samples = client_->watch();
+  ASSERT_TRUE(samples) << to_string(samples.error());
+  std::vector<std::uint64_t> numbers;
+  std::size_t cancelled_count = 0;
+  for (int i = 0; i < 100; ++i) {
+    const auto number = completions.then_next(*samples, [&](const auto& sample) {
+      if (!sample) return void(++cancelled_count);
+      numbers.push_back((*sample)->number());
+    });
+    if (i % 2 == 0) completions.cancel(number);
+    while (completions.open_count() > 0)
+      static_cast<void>(completions.wait(now() + kPatience));
+  }
+  EXPECT_EQ(numbers.size() + cancelled_count, 100u);
+  ASSERT_GE(numbers.size(), 50u);
+  for (std::uint64_t i = 0; i < numbers.size(); ++i)
+    EXPECT_EQ(numbers[i], i) << "a cancelled wait loses no item";
+  completions.then(client_->begin_wait(),
+                   [&](const auto& sample) { cancelled_count += sample ? 0U : 1000U; });
+  completions.cancel_all();
+  EXPECT_GE(cancelled_count, 1000u);
+  EXPECT_EQ(completions.open_count(), 0u);
+}
+
 TEST_F(GeneratedCalls, CompletionsRunCallbacksForItems) {
   rtpm::rpc::Completions completions;
   std::uint64_t number = 0;

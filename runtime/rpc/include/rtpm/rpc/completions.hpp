@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -57,9 +58,21 @@ class Completions {
     return add(std::make_unique<Items<Stream, OnItem, OnEnd>>(std::move(begun), std::move(on_item),
                                                               std::move(on_end)));
   }
+  /// Adds the wait for one item of a stream that the caller keeps. `callback` gets the result of
+  /// next() once: an item, none at the end of the stream, or an error. Until then, only this object
+  /// uses the stream. cancel() ends the wait and leaves the stream open.
+  /// @ownership refers to the stream, which must outlive the wait
+  /// @errors   as then()
+  template <class Stream, class Callback>
+  CallNumber then_next(Stream& stream, Callback callback) {
+    return add(std::make_unique<Next<Stream, Callback>>(stream, std::move(callback)));
+  }
   /// Cancels a call or stream, and notifies the server; see PendingReply::cancel(). Its callback
   /// gets kCancelled in the next poll(). Does nothing if it has ended.
   void cancel(CallNumber number);
+  /// Cancels all calls, streams and waits, also those that a callback adds meanwhile. Each callback
+  /// gets kCancelled before this returns.
+  void cancel_all();
 
   /// Runs the callbacks of finished calls and received items, and returns how many it ran. Also
   /// resends lost frames, so call it when descriptor() is readable.
@@ -166,11 +179,36 @@ class Completions {
     OnEnd on_end_;
   };
 
+  template <class Stream, class Callback>
+  class Next final : public Entry {
+   public:
+    Next(Stream& stream, Callback callback) : stream_(stream), callback_(std::move(callback)) {}
+    [[nodiscard]] Readiness begin() override { return step(); }
+    [[nodiscard]] Readiness step() override {
+      if (error_ || result_) return {};
+      auto item = stream_.next(MonotonicTime{});
+      if (!item && item.error() == CallError::kTimeout && stream_.is_open()) {
+        return stream_.readiness();
+      }
+      result_.emplace(std::move(item));
+      return {};
+    }
+    void complete() override {
+      // An item that was taken must not get lost.
+      callback_(result_ ? std::move(*result_) : Result{unexpected{*error_}});
+    }
+
+   private:
+    using Result = decltype(std::declval<Stream&>().next(MonotonicTime{}));
+    Stream& stream_;
+    Callback callback_;
+    std::optional<Result> result_{};
+  };
+
   CallNumber add(std::unique_ptr<Entry> entry);
   [[nodiscard]] std::size_t step(Entry& entry);
   void watch(Entry& entry, const Readiness& next) noexcept;
   void complete(Entry& entry);
-  void cancel_all();
   void set_alarm() noexcept;
   /// The first entry from `number` on.
   [[nodiscard]] std::vector<std::unique_ptr<Entry>>::iterator find_from(CallNumber number) noexcept;
@@ -222,5 +260,10 @@ class CompletionThread {
   void add(std::unique_ptr<Completions::Entry> entry);
   std::unique_ptr<Impl> impl_;
 };
+
+/// Makes `text` this thread's refusal_text(): for event loops that pass the error of a call on to
+/// another thread than the one that polled.
+/// @realtime alloc-free
+void set_refusal_text(std::string_view text) noexcept;
 
 }  // namespace rtpm::rpc
