@@ -3,6 +3,12 @@
 set(RTPM_PUBLIC_HEADERS
   rtpm/access/address_range.hpp
   rtpm/access/subject.hpp
+  rtpm/asio/calls.hpp
+  rtpm/asio/events.hpp
+  rtpm/asio/names.hpp
+  rtpm/asio/net.hpp
+  rtpm/asio/operation.hpp
+  rtpm/asio/queue.hpp
   rtpm/base/assert.hpp
   rtpm/base/bytes.hpp
   rtpm/base/expected.hpp
@@ -82,6 +88,7 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/rpc/async.hpp
   rtpm/rpc/binding.hpp
   rtpm/rpc/caller.hpp
+  rtpm/rpc/completions.hpp
   rtpm/rpc/counters.hpp
   rtpm/rpc/deferred.hpp
   rtpm/rpc/deferred_tables.hpp

@@ -46,6 +46,7 @@ const std::vector<Part>& parts() {
        "events",
        {"base", "wire", "rt", "transport", "rpc", "program", "options", "predicate", "names",
         "introspection"}},
+      {"registry/asio/", "asio", {"base", "rt", "rpc", "names", "events"}},
       {"registry/daemon/",
        "",
        {"base", "wire", "rt", "transport", "rpc", "program", "options", "predicate", "discovery",
@@ -187,7 +188,8 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("CLI/.*"), "CLI11", {"clients/rtpm/", "runtime/options/src/"}},
       {std::regex("toml.*"), "toml++", {"clients/rtpm/laboratory/", "runtime/options/src/"}},
       {std::regex("n?curses.*"), "ncurses", {"clients/rtpm/host/"}},
-      {std::regex("boost/.*"), "Boost", {"clients/console/web/"}},
+      {std::regex("asio/.*"), "Asio", {"registry/asio/"}},
+      {std::regex("boost/.*"), "Boost", {"clients/console/web/", "registry/asio/"}},
       {std::regex("nanobind/.*"), "nanobind", {"clients/python/src/"}},
       // program has the signals and streams that every program shares, options the environment;
       // driver_host loads plug-ins; the devices are drivers of hardware and a program that

@@ -1,12 +1,6 @@
 #include <gtest/gtest.h>
 #include <poll.h>
 
-#if __has_include(<boost/asio/io_context.hpp>)
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/posix/stream_descriptor.hpp>
-#define RTPM_HAS_ASIO 1
-#endif
-
 #include <functional>
 #include <map>
 #include <string>
@@ -14,7 +8,8 @@
 #include "rtpm/rpc/completions.hpp"
 #include "rtpm/test/echo_server.hpp"
 
-// Examples: the calls of a program whose own event loop waits for everything else.
+// An example: the calls of a program whose own event loop waits for everything else. For Asio, see
+// registry/asio.
 namespace rtpm::rpc {
 namespace {
 
@@ -37,47 +32,6 @@ class EventLoops : public testing::Test {
   Completions completions_;
   std::string text_;
 };
-
-// ---- Asio ---------------------------------------------------------------------------------------
-
-#ifdef RTPM_HAS_ASIO
-namespace asio = boost::asio;
-
-/// Polls `completions` in an Asio loop, which must not run longer than this lives.
-class AsioCompletions {
- public:
-  AsioCompletions(asio::io_context& loop, Completions& completions)
-      : completions_(completions), descriptor_(loop, completions.descriptor().value()) {
-    wait();
-  }
-  ~AsioCompletions() { descriptor_.release(); }  // The descriptor belongs to the Completions.
-
- private:
-  void wait() {
-    descriptor_.async_wait(asio::posix::descriptor_base::wait_read, [this](auto error) {
-      if (error) return;
-      completions_.poll();
-      wait();
-    });
-  }
-  Completions& completions_;
-  asio::posix::stream_descriptor descriptor_;
-};
-#endif
-
-TEST_F(EventLoops, MayBeAsio) {
-#ifndef RTPM_HAS_ASIO
-  GTEST_SKIP() << "Asio is not installed here; the Debian package libboost-dev has it";
-#else
-  asio::io_context loop;
-  AsioCompletions adapter(loop, completions_);
-  call(20, [&] { loop.stop(); });
-  loop.run_for(rtpm::test::kPatience);
-  EXPECT_EQ(text_, std::string(20, 'x'));
-#endif
-}
-
-// ---- Qt -----------------------------------------------------------------------------------------
 
 /// A loop like QCoreApplication, in few lines of poll(2).
 class PollLoop {
