@@ -201,7 +201,7 @@ const std::vector<Foreign>& foreigners() {
                   "aclapi|sddl|lmcons|io)\\.h)"),
        "the operating system",
        {"runtime/access/src/os/", "runtime/rt/", "runtime/transport/", "runtime/program/src/os/",
-        "runtime/options/src/", "gvd/driver_host/src/", "gvd/recording/file/src/",
+        "runtime/options/src/os/", "gvd/driver_host/src/", "gvd/recording/file/src/",
         "gvd/incidents/src/", "devices/evdev/src/", "devices/falcon/src/", "devices/hid/src/",
         "devices/io/src/", "devices/mpv/src/", "devices/serial/src/", "devices/vrpn/src/",
         "clients/console/", "clients/python/src/", "clients/rtpm/", "clients/vrpn/src/"}},

@@ -1,6 +1,5 @@
 #include "rtpm/access/files.hpp"
 
-#include <cstdlib>
 #include <optional>
 #include <span>
 #include <utility>
@@ -64,9 +63,7 @@ expected<void, SetupError> write_secret(const std::string& path, std::string_vie
 }  // namespace
 
 expected<std::string, SetupError> key_folder() {
-  // NOLINTNEXTLINE(concurrency-mt-unsafe): set-up.
-  if (const char* folder = std::getenv("RTPM_KEYS"); folder != nullptr && *folder != '\0')
-    return folder;
+  if (std::string folder = os::variable("RTPM_KEYS"); !folder.empty()) return folder;
   if (std::string folder = os::default_key_folder(); !folder.empty()) return folder;
   return setup_error("there is no folder for keys",
                      "RTPM_KEYS, " + std::string(os::key_folder_variables()) + " are not set",

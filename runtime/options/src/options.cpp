@@ -1,7 +1,5 @@
 #include "rtpm/options/options.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <set>
@@ -9,6 +7,7 @@
 #include <utility>
 
 #include "config_file.hpp"
+#include "os/environment.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/wire/url.hpp"
 #include "setting.hpp"
@@ -272,8 +271,7 @@ struct Options::Impl {
     std::string text;
     for (const auto& [table, keys] : tables)
       text += keys;
-    for (char** variable = environ; *variable != nullptr; ++variable) {
-      const std::string entry = *variable;
+    for (const std::string& entry : os::environment()) {
       const std::string other = entry.substr(0, entry.find('='));
       if (other.starts_with("RTPM_") && !variables.contains(other))
         text += "\n# " + other + " in the environment is no key of this program.\n";

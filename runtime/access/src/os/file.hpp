@@ -86,6 +86,8 @@ void remove(const std::string& path) noexcept;
                                                       std::string_view text);
 void pause() noexcept;
 
+/// A variable of the environment; empty if it is not set.
+[[nodiscard]] std::string variable(const char* name);
 /// The folder for keys that RTPM_KEYS does not name; empty if the environment does not tell.
 [[nodiscard]] std::string default_key_folder();
 /// The variables that tell it, as in "XDG_CONFIG_HOME and HOME".

@@ -47,11 +47,6 @@ int flags_of(Mode mode) noexcept {
   return O_RDONLY;
 }
 
-std::string variable(const char* name) {
-  const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe): set-up.
-  return value == nullptr ? "" : value;
-}
-
 bool is_same_file(const File& file, const std::string& path) noexcept {
   struct stat open_one {};
   struct stat named {};
@@ -185,6 +180,11 @@ expected<bool, std::error_code> replace(const File& locked, const std::string& p
 
 void pause() noexcept {
   ::poll(nullptr, 0, kLockPauseMs);
+}
+
+std::string variable(const char* name) {
+  const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe): set-up.
+  return value == nullptr ? "" : value;
 }
 
 std::string default_key_folder() {

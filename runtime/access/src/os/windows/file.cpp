@@ -199,11 +199,6 @@ bool is_in_use(const std::error_code& error) noexcept {
          error.value() == ERROR_USER_MAPPED_FILE;
 }
 
-std::string variable(const wchar_t* name) {
-  const wchar_t* const value = _wgetenv(name);  // NOLINT(concurrency-mt-unsafe): set-up.
-  return value == nullptr ? std::string() : text_of(std::filesystem::path(value));
-}
-
 }  // namespace
 
 void close(Number number) noexcept {
@@ -353,8 +348,14 @@ void pause() noexcept {
   Sleep(kLockPauseMs);
 }
 
+std::string variable(const char* name) {
+  // NOLINTNEXTLINE(concurrency-mt-unsafe): set-up.
+  const wchar_t* const value = _wgetenv(path_of(name).c_str());
+  return value == nullptr ? std::string() : text_of(std::filesystem::path(value));
+}
+
 std::string default_key_folder() {
-  const std::string folder = variable(L"APPDATA");
+  const std::string folder = variable("APPDATA");
   return folder.empty() ? folder : folder + "\\rtpm";
 }
 

@@ -75,8 +75,8 @@ bool are_others_allowed(const std::string& path) {
 namespace {
 
 TEST(KeyFolder, ComesFromTheEnvironment) {
-  ASSERT_EQ(_putenv("RTPM_KEYS=C:/of/a/test"), 0);
-  EXPECT_EQ(*key_file_path("", kKeyFile), "C:/of/a/test/key");
+  ASSERT_EQ(_wputenv(L"RTPM_KEYS=C:/J\u00f6rg's keys"), 0);
+  EXPECT_EQ(*key_file_path("", kKeyFile), "C:/Jörg's keys/key");
   EXPECT_EQ(*key_file_path("here", kKeyFile), "here");
   ASSERT_EQ(_putenv("RTPM_KEYS="), 0);
   ASSERT_EQ(_wputenv(L"APPDATA=C:\\J\u00f6rg"), 0);

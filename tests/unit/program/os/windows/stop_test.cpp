@@ -50,6 +50,10 @@ TEST(StandardStreams, CarryBytesAsTheyAre) {
   EXPECT_EQ(_setmode(_fileno(stdin), _O_BINARY), _O_BINARY);
 }
 
+TEST(Programs, TakeTextsAsUtf8) {
+  EXPECT_EQ(GetACP(), UINT{CP_UTF8});
+}
+
 TEST(TerminalWidth, IsTheDefaultForAFile) {
   if (_isatty(_fileno(stdout)) != 0) GTEST_SKIP() << "standard output is a terminal";
   EXPECT_EQ(terminal_width(77), 77u);
