@@ -184,9 +184,9 @@ function(rtpm_install_package)
   set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME librtpm-dev)
   set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
     "libflatbuffers-dev (>= 2.0.8), libflatbuffers-dev (<< 26), flatbuffers-compiler, libsodium-dev")
-  # What recordings and stores of names link.
+  # What rtpm::asio includes, and what recordings and stores of names link.
   set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_RECOMMENDS
-    "libcurl4-openssl-dev, liblz4-dev, libsqlite3-dev, libzstd-dev, zlib1g-dev")
+    "libasio-dev | libboost-dev, libcurl4-openssl-dev, liblz4-dev, libsqlite3-dev, libzstd-dev, zlib1g-dev")
   set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
   set(CPACK_DEBIAN_PROGRAMS_PACKAGE_NAME rtpm)
   set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SECTION net)

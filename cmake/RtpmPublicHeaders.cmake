@@ -3,6 +3,7 @@
 set(RTPM_PUBLIC_HEADERS
   rtpm/access/address_range.hpp
   rtpm/access/subject.hpp
+  rtpm/asio/asio.hpp
   rtpm/asio/calls.hpp
   rtpm/asio/events.hpp
   rtpm/asio/names.hpp

@@ -41,9 +41,7 @@
 #endif
 
 #include "deferred.rtpm.functions.hpp"
-#include "rtpm/asio/calls.hpp"
-#include "rtpm/asio/events.hpp"
-#include "rtpm/asio/names.hpp"
+#include "rtpm/asio/asio.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub_server.hpp"
 #include "rtpm/events/supplier.hpp"

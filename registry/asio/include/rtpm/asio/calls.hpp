@@ -199,25 +199,10 @@ class Calls {
   template <class Pending, class Token>
   auto async_call(expected<Pending, rpc::CallError> begun, Token&& token) {
     using Value = typename Pending::Result::value_type;
-    using Operation = typename detail::OperationFor<Value>::Type;
     return net::async_initiate<Token, typename detail::OperationFor<Value>::Signature>(
         [state = state_](auto handler, expected<Pending, rpc::CallError> call) {
           const auto slot = detail::slot_of(handler);
-          state->start(
-              state->template make<Value>(std::move(handler)), slot, detail::kEndsCall,
-              [](const auto&) { return false; },
-              [&](rpc::Completions& completions, auto callback) {
-                return completions.then(std::move(call), std::move(callback));
-              },
-              [](std::unique_ptr<Operation> operation, auto result) {
-                if (!result) {
-                  Operation::fail(std::move(operation), result.error());
-                } else if constexpr (std::is_void_v<Value>) {
-                  Operation::post(std::move(operation), ErrorCode{});
-                } else {
-                  Operation::post(std::move(operation), ErrorCode{}, std::move(*result));
-                }
-              });
+          start(*state, std::move(call), state->template make<Value>(std::move(handler)), slot);
         },
         token, std::move(begun));
   }
@@ -249,6 +234,26 @@ class Calls {
  private:
   template <class>
   friend class Stream;
+
+  template <class Pending, class Operation, class Slot>
+  static void start(detail::CallsState& state, expected<Pending, rpc::CallError> call,
+                    std::unique_ptr<Operation> operation, const Slot& slot) {
+    state.start(
+        std::move(operation), slot, detail::kEndsCall, [](const auto&) { return false; },
+        [&](rpc::Completions& completions, auto callback) {
+          return completions.then(std::move(call), std::move(callback));
+        },
+        [](std::unique_ptr<Operation> ended, typename Pending::Result result) {
+          if (!result) {
+            Operation::fail(std::move(ended), result.error());
+          } else if constexpr (std::is_void_v<typename Pending::Result::value_type>) {
+            Operation::post(std::move(ended), ErrorCode{});
+          } else {
+            Operation::post(std::move(ended), ErrorCode{}, std::move(*result));
+          }
+        });
+  }
+
   std::shared_ptr<detail::CallsState> state_;
 };
 

@@ -31,6 +31,31 @@ class Posted {
   virtual void run(std::unique_ptr<Posted> self) = 0;
 };
 
+/// The executor of a handler, with work there and at the I/O object's executor.
+template <class Executor>
+class Work {
+ public:
+  Work(const Executor& executor, const net::any_io_executor& io)
+      : executor_(executor), work_(executor), io_work_(io) {}
+  /// @param posted  may own this object
+  void post(std::unique_ptr<Posted> posted) const {
+    const Executor executor = executor_;
+    net::post(executor, Run{std::move(posted)});
+  }
+
+ private:
+  struct Run {
+    std::unique_ptr<Posted> posted;
+    void operator()() {
+      Posted& operation = *posted;
+      operation.run(std::move(posted));
+    }
+  };
+  Executor executor_;
+  net::executor_work_guard<Executor> work_;
+  net::executor_work_guard<net::any_io_executor> io_work_;
+};
+
 /// A started operation, of any handler: little is compiled for each handler. Destruction without
 /// post() destroys the handler without running it.
 template <class... Values>
@@ -80,31 +105,15 @@ class Operation : public Posted {
   std::optional<std::string> refusal_{};  ///< See rpc::refusal_text().
 };
 
-/// An operation of one kind of handler. Its executor and that of the I/O object have work until the
-/// handler runs.
+/// An operation of one kind of handler.
 template <class Handler, class... Values>
 class OperationOf final : public Operation<Values...> {
  public:
   OperationOf(Handler handler, const net::any_io_executor& io)
-      : executor_(net::get_associated_executor(handler, io)),
-        work_(executor_),
-        io_work_(io),
-        handler_(std::move(handler)) {}
+      : work_(net::get_associated_executor(handler, io), io), handler_(std::move(handler)) {}
 
  private:
-  struct Run {
-    std::unique_ptr<Posted> posted;
-    void operator()() {
-      Posted& operation = *posted;
-      operation.run(std::move(posted));
-    }
-  };
-  using Executor = net::associated_executor_t<Handler, net::any_io_executor>;
-
-  void queue(std::unique_ptr<Posted> self) override {
-    const Executor executor = executor_;
-    net::post(executor, Run{std::move(self)});
-  }
+  void queue(std::unique_ptr<Posted> self) override { work_.post(std::move(self)); }
   void run(std::unique_ptr<Posted> self) override {
     this->restore_refusal();
     Handler handler = std::move(handler_);
@@ -114,9 +123,7 @@ class OperationOf final : public Operation<Values...> {
     std::apply(std::move(handler), std::move(values));
   }
 
-  Executor executor_;
-  net::executor_work_guard<Executor> work_;
-  net::executor_work_guard<net::any_io_executor> io_work_;
+  Work<net::associated_executor_t<Handler, net::any_io_executor>> work_;
   Handler handler_;
 };
 
