@@ -3,10 +3,17 @@ include(GNUInstallDirs)
 
 # What RTPM's own sources are compiled with; never part of what an embedder inherits.
 add_library(rtpm_build_flags INTERFACE)
-target_compile_options(rtpm_build_flags INTERFACE
-  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
-  -Wold-style-cast -Wcast-align -Woverloaded-virtual -Wimplicit-fallthrough
-  $<$<BOOL:${RTPM_WERROR}>:-Werror>)
+if(MSVC)
+  # C5030: attributes of GCC.
+  target_compile_options(rtpm_build_flags INTERFACE
+    /W4 /wd5030 /permissive- /utf-8 /Zc:__cplusplus /Zc:preprocessor /EHsc /bigobj
+    $<$<BOOL:${RTPM_WERROR}>:/WX>)
+else()
+  target_compile_options(rtpm_build_flags INTERFACE
+    -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
+    -Wold-style-cast -Wcast-align -Woverloaded-virtual -Wimplicit-fallthrough
+    $<$<BOOL:${RTPM_WERROR}>:-Werror>)
+endif()
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 12.3)
   # Optimised, GCC 12 warns of its own std::string (GCC bug 105651).
   target_compile_options(rtpm_build_flags INTERFACE -Wno-restrict)

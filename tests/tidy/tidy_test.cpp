@@ -111,6 +111,7 @@ TEST(BannedWords, AreFoundWherePlanted) {
       {"clients/servo/main.cpp", "std::fprintf(stderr, name);\n"},
       {"runtime/access/src/a.cpp", "#if defined(__linux__)\n#endif\n"},
       {"runtime/access/src/b.cpp", "#include <windows.h>\n"},
+      {"protocol/wire/src/b.cpp", "int a = __builtin_popcount(3);\n"},
       {"gvd/driver/src/a.cpp", "auto t = std::chrono::steady_clock::now();\n"},
       {"spec/a.md", std::string("one\n\nTO") + "DO: say more\n"},
       {"README.md", std::string("see /ho") + "me/somebody/rtpm\n"},
@@ -129,7 +130,8 @@ TEST(BannedWords, AreFoundWherePlanted) {
   expect_fault(faults, "clients/servo/main.cpp:1:", "rule stderr");
   expect_fault(faults, "runtime/access/src/a.cpp:1:", "rule system");
   expect_fault(faults, "runtime/access/src/b.cpp:1:", "rule system");
-  EXPECT_EQ(faults.size(), 12u);
+  expect_fault(faults, "protocol/wire/src/b.cpp:1:", "rule compiler");
+  EXPECT_EQ(faults.size(), 13u);
 }
 
 TEST(BannedWords, AreAllowedInCommentsTextsAndOtherFolders) {

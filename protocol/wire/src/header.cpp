@@ -2,6 +2,8 @@
 
 #include <array>
 
+#include "rtpm/base/compiler.hpp"
+
 namespace rtpm::wire {
 namespace {
 
@@ -38,7 +40,7 @@ inline std::uint64_t word_of(Fields... fields) noexcept {
   const auto add = [&](std::uint64_t field, std::size_t size) {
     // Separate loads, matching the stores: a compiler would merge adjacent ones into one load,
     // which stalls on the stores as described at encode().
-    __asm__("" : "+r"(field));
+    load_alone(field);
     word |= field << shift;
     shift += 8 * size;
   };

@@ -9,6 +9,7 @@
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/base/bytes.hpp"
+#include "rtpm/base/compiler.hpp"
 #include "rtpm/base/expected.hpp"
 
 namespace rtpm::inline base {
@@ -117,12 +118,7 @@ class RecordMemory {
   }
   /// Prefetches the cache line at `position` for writing.
   void expect_write(std::uint64_t position) const noexcept {
-#if defined(__x86_64__)
-    // Compilers emit prefetchw only for processors known to have it; elsewhere it has no effect.
-    __asm__ volatile("prefetchw %0" : : "m"(*word_at(position)));
-#else
-    __builtin_prefetch(word_at(position), 1);
-#endif
+    prefetch_for_write(word_at(position));
   }
 
  private:
