@@ -19,6 +19,8 @@ rtpm_header_only(rtpm_flatbuffers flatbuffers libflatbuffers-dev)
 rtpm_header_only(nlohmann_json::nlohmann_json nlohmann nlohmann-json3-dev)
 rtpm_header_only(CLI11::CLI11 CLI libcli11-dev)
 rtpm_header_only(tomlplusplus::tomlplusplus toml++ libtomlplusplus-dev)
+rtpm_header_only(Eigen3::Eigen eigen3 libeigen3-dev)
+target_include_directories(Eigen3::Eigen INTERFACE "${rtpm_dependencies}/include/eigen3")
 find_program(RTPM_FLATC flatc DOC "FlatBuffers' own compiler, which generates the data types")
 
 # libsodium without its own build, which takes autoconf: its C with the instructions of SSE and AES, which it uses
