@@ -118,20 +118,22 @@ export function SpaceView(props: Props) {
         onKeyDown={onKeyDown}
       />
       <div ref={label} class="space-label" hidden />
-      <div ref={facts} class="space-facts" data-testid="space-facts" />
+      <div class="space-words">
+        <div ref={facts} class="space-facts" data-testid="space-facts" />
+        <div class="space-legend" aria-hidden="true">
+          <span class="key key-tool">{words.tool}</span>
+          <span class="key key-proxy">{words.proxy}</span>
+          <span class="key key-wall">{words.touched}</span>
+          {perNewton > 0 && (
+            <span class="key key-force">{words.forceScale(fixed(perNewton, 1))}</span>
+          )}
+        </div>
+      </div>
       {problem !== '' && (
         <p class="space-problem" role="status">
           {words.problem(problem)}
         </p>
       )}
-      <div class="space-legend" aria-hidden="true">
-        <span class="key key-tool">{words.tool}</span>
-        <span class="key key-proxy">{words.proxy}</span>
-        <span class="key key-wall">{words.touched}</span>
-        {perNewton > 0 && (
-          <span class="key key-force">{words.forceScale(fixed(perNewton, 1))}</span>
-        )}
-      </div>
       <div class="space-views" role="group" aria-label={words.viewpoint}>
         {kViews.map((view) => (
           <button type="button" key={view} onClick={() => space.current?.look(view)}>
