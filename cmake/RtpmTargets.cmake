@@ -100,29 +100,60 @@ function(rtpm_program_parts target)
   endif()
 endfunction()
 
-# rtpm_library(NAME part [SOURCES …] [PUBLIC targets…] [PRIVATE targets…] [NOT_INSTALLED])
-# Makes rtpm_<part>, alias rtpm::<part>, with include/ public and src/ private. A library without
-# sources is header-only. NOT_INSTALLED: only programs of this tree use it. PUBLIC are the parts whose headers its own headers include: because a
-# target sees only what it links, an include that points up a floor does not compile.
+# The folder in os/ of each part whose files are compiled. `portable` keeps to POSIX, for systems without one of
+# their own; on Linux it shows what such a system would run.
+option(RTPM_PORTABLE "Use nothing of Linux beyond POSIX" OFF)
+if(RTPM_PORTABLE OR NOT CMAKE_SYSTEM_NAME STREQUAL "Linux")
+  set(RTPM_SYSTEM portable)  # With some files of `darwin` in their place on macOS.
+else()
+  set(RTPM_SYSTEM linux)
+endif()
+
+# rtpm_library(NAME part [SOURCES …] [LINUX …] [PORTABLE …] [DARWIN …] [PUBLIC targets…] [PRIVATE targets…] [NOT_INSTALLED])
+# Makes rtpm_<part>, alias rtpm::<part>, with include/ public and src/ private. A library without sources is
+# header-only. LINUX and PORTABLE: the sources in that folder of src/os; DARWIN: those of `portable` that macOS has
+# its own for. Where tests are built on Linux, rtpm_<part>_portable has those of `portable`, see rtpm_portable_test.
+# NOT_INSTALLED: only programs of this tree use it. PUBLIC are the parts whose headers its own headers include:
+# because a target sees only what it links, an include that points up a floor does not compile.
 function(rtpm_library)
-  cmake_parse_arguments(PARSE_ARGV 0 A "NOT_INSTALLED" "NAME" "SOURCES;PUBLIC;PRIVATE")
+  cmake_parse_arguments(PARSE_ARGV 0 A "NOT_INSTALLED" "NAME" "SOURCES;LINUX;PORTABLE;DARWIN;PUBLIC;PRIVATE")
   if(A_UNPARSED_ARGUMENTS OR NOT A_NAME)
     message(FATAL_ERROR "rtpm_library: NAME is required and nothing unknown is taken; got '${ARGV}'")
   endif()
   set(target rtpm_${A_NAME})
   if(A_SOURCES)
-    add_library(${target} ${A_SOURCES})  # Shared with BUILD_SHARED_LIBS.
-    target_include_directories(${target} PUBLIC "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>"
-                                                "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>"
-                                         PRIVATE "${CMAKE_CURRENT_SOURCE_DIR}/src")
-    target_compile_features(${target} PUBLIC cxx_std_20)
-    target_link_libraries(${target} PUBLIC ${A_PUBLIC} PRIVATE ${A_PRIVATE} $<BUILD_INTERFACE:rtpm_build_flags>)
-    set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON
-      VERSION ${rtpm_VERSION} SOVERSION ${rtpm_VERSION_MAJOR}.${rtpm_VERSION_MINOR})
-    rtpm_compile_in_batches(${target})
-    if(RTPM_PRECOMPILED_HEADERS)
-      target_precompile_headers(${target} REUSE_FROM rtpm_library_headers)
+    list(TRANSFORM A_LINUX PREPEND src/os/linux/)
+    list(TRANSFORM A_PORTABLE PREPEND src/os/portable/)
+    string(TOUPPER ${RTPM_SYSTEM} system)
+    if(APPLE)
+      foreach(file ${A_DARWIN})
+        list(TRANSFORM A_PORTABLE REPLACE "^src/os/portable/${file}$" "src/os/darwin/${file}")
+      endforeach()
     endif()
+    add_library(${target} ${A_SOURCES} ${A_${system}})  # Shared with BUILD_SHARED_LIBS.
+    set_target_properties(${target} PROPERTIES
+      VERSION ${rtpm_VERSION} SOVERSION ${rtpm_VERSION_MAJOR}.${rtpm_VERSION_MINOR})
+    set(libraries ${target})
+    if(A_LINUX)
+      target_include_directories(${target} PRIVATE src/os/${RTPM_SYSTEM} src/os/posix)
+    endif()
+    if(A_PORTABLE AND RTPM_BUILD_TESTS AND RTPM_SYSTEM STREQUAL "linux")
+      add_library(${target}_portable STATIC EXCLUDE_FROM_ALL ${A_SOURCES} ${A_PORTABLE})
+      target_include_directories(${target}_portable PRIVATE src/os/portable src/os/posix)
+      list(APPEND libraries ${target}_portable)
+    endif()
+    foreach(library ${libraries})
+      target_include_directories(${library} PUBLIC "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>"
+                                                   "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>"
+                                            PRIVATE "${CMAKE_CURRENT_SOURCE_DIR}/src")
+      target_compile_features(${library} PUBLIC cxx_std_20)
+      target_link_libraries(${library} PUBLIC ${A_PUBLIC} PRIVATE ${A_PRIVATE} $<BUILD_INTERFACE:rtpm_build_flags>)
+      set_target_properties(${library} PROPERTIES CXX_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
+      rtpm_compile_in_batches(${library})
+      if(RTPM_PRECOMPILED_HEADERS)
+        target_precompile_headers(${library} REUSE_FROM rtpm_library_headers)
+      endif()
+    endforeach()
   else()
     add_library(${target} INTERFACE)
     target_include_directories(${target} INTERFACE "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>"
@@ -197,6 +228,31 @@ function(rtpm_test)
       DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT} ENVIRONMENT "${CMAKE_MATCH_2}"
       ${keys} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${serial})
   endif()
+endfunction()
+
+# rtpm_portable_test(test [EXCEPT patterns…]): runs the test's cases once more, as portable.<test>, over the parts'
+# portable sources in place of Linux's; without those that show what only Linux offers. Its objects are the same.
+function(rtpm_portable_test test)
+  cmake_parse_arguments(PARSE_ARGV 1 A "" "TIMEOUT" "EXCEPT")
+  if(NOT RTPM_SYSTEM STREQUAL "linux" OR BUILD_SHARED_LIBS OR CMAKE_VERSION VERSION_LESS 3.24)
+    return()
+  endif()
+  if(NOT A_TIMEOUT)
+    set(A_TIMEOUT 120)
+  endif()
+  add_executable(${test}_portable $<TARGET_OBJECTS:${test}>)
+  get_target_property(libraries ${test} LINK_LIBRARIES)
+  # First and whole, so that nothing is taken from the libraries that they replace.
+  target_link_libraries(${test}_portable PRIVATE
+    "$<LINK_LIBRARY:WHOLE_ARCHIVE,rtpm_transport_portable,rtpm_rt_portable>" ${libraries})
+  set(filter "")
+  if(A_EXCEPT)
+    list(JOIN A_EXCEPT ":" filter)
+    set(filter "--gtest_filter=-${filter}")
+  endif()
+  add_test(NAME portable.${test} COMMAND ${test}_portable --gtest_brief=1 ${filter})
+  set_tests_properties(portable.${test} PROPERTIES LABELS portable TIMEOUT ${A_TIMEOUT}
+    ENVIRONMENT_MODIFICATION "RTPM_KEYS=set:${CMAKE_CURRENT_BINARY_DIR}/no-keys")
 endfunction()
 
 # rtpm_npm_peer(test): gives a test the code of others in the folder `peer`, whose npm packages it

@@ -200,8 +200,9 @@ const std::vector<Foreign>& foreigners() {
                   "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc|pwd|windows|winsock2|ws2tcpip|"
                   "aclapi|sddl|lmcons|io)\\.h)"),
        "the operating system",
-       {"runtime/access/src/os/", "runtime/rt/", "runtime/transport/", "runtime/program/src/os/",
-        "runtime/options/src/os/", "gvd/driver_host/src/", "gvd/recording/file/src/",
+       {"runtime/access/src/os/", "runtime/rt/src/os/", "runtime/transport/src/os/",
+        "runtime/program/src/os/", "runtime/options/src/os/", "gvd/driver_host/src/",
+        "gvd/recording/file/src/",
         "gvd/incidents/src/", "devices/evdev/src/", "devices/falcon/src/", "devices/hid/src/",
         "devices/io/src/", "devices/mpv/src/", "devices/serial/src/", "devices/vrpn/src/",
         "clients/console/", "clients/python/src/", "clients/rtpm/", "clients/vrpn/src/"}},

@@ -62,7 +62,8 @@ TEST(IncludeGraph, AcceptsIncludesThatPointDown) {
   expect_no_fault(find_forbidden_includes({
       {"runtime/rpc/src/a.cpp", "#include \"a.hpp\"\n#include \"rtpm/wire/header.hpp\"\n"},
       {"runtime/rpc/src/a.hpp", "#include <flatbuffers/flatbuffers.h>\n"},
-      {"runtime/rt/src/thread.cpp", "#include <pthread.h>\n#include \"rtpm/base/time.hpp\"\n"},
+      {"runtime/rt/src/os/posix/thread.cpp",
+       "#include <pthread.h>\n#include \"rtpm/base/time.hpp\"\n"},
       {"tests/unit/rpc/a_test.cpp", "#include <gtest/gtest.h>\n#include \"rtpm/rpc/node.hpp\"\n"},
   }));
 }
@@ -72,11 +73,13 @@ TEST(IncludeGraph, FindsPlantedForeignAndPrivateHeaders) {
       {"runtime/transport/src/a.cpp", "#include <flatbuffers/flatbuffers.h>\n"},
       {"gvd/driver/src/a.cpp", "#include <Eigen/Core>\n"},
       {"registry/names/src/a.cpp", "#include <sys/socket.h>\n"},
+      {"runtime/rt/src/thread.cpp", "#include <pthread.h>\n"},
       {"runtime/rpc/src/a.cpp", "#include \"socket_impl.hpp\"\n"},
       {"runtime/transport/src/socket_impl.hpp", ""},
       {"elsewhere/a.cpp", ""},
   });
-  EXPECT_EQ(faults.size(), 5u);
+  EXPECT_EQ(faults.size(), 6u);
+  expect_fault(faults, "runtime/rt/src/thread.cpp:1:", "the operating system is not for");
   expect_fault(faults, "runtime/transport/src/a.cpp:1:", "FlatBuffers is not for");
   expect_fault(faults, "gvd/driver/src/a.cpp:1:", "Eigen is not for");
   expect_fault(faults, "registry/names/src/a.cpp:1:", "the operating system is not for");

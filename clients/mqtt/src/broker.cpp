@@ -135,7 +135,7 @@ Broker::Broker(BrokerConfig config, Listener& listener,
 
 expected<std::unique_ptr<Broker>, SetupError> Broker::create(BrokerConfig config,
                                                              Listener& listener) {
-  auto wait_set = transport::PolledWaitSet::open(1);
+  auto wait_set = transport::WaitSet::open(1);
   if (!wait_set) return unexpected{std::move(wait_set.error())};
   std::unique_ptr<Broker> broker(new Broker(std::move(config), listener, std::move(*wait_set)));
   if (auto begun = broker->begin(); !begun) return unexpected{std::move(begun.error())};

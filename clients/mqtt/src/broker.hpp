@@ -14,7 +14,7 @@
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/thread.hpp"
-#include "rtpm/transport/polled_wait_set.hpp"
+#include "rtpm/transport/wait_set.hpp"
 
 struct mosquitto;
 

@@ -26,8 +26,7 @@ std::error_code make_error_code(CallError error) noexcept {
 std::string to_string(CallerHost host) {
   constexpr std::uint64_t kIpv4Max = 0xffff'ffff;
   if (host.number <= kIpv4Max) {
-    return transport::SocketAddress(in_addr{htonl(static_cast<std::uint32_t>(host.number))}, 0)
-        .host();
+    return transport::SocketAddress::of_ipv4(static_cast<std::uint32_t>(host.number), 0).host();
   }
   return transport::SocketAddress::of(wire::PeerAddress{.high = host.number}).host() + "/64";
 }

@@ -1,23 +1,14 @@
 #include "rtpm/rt/clock.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
-#include <ctime>
+#include <cstdint>
 
-#include "file_text.hpp"
+#include "os/native_clock.hpp"
 #include "rtpm/rt/budget.hpp"
-#include "rtpm/rt/native_time.hpp"
 #include "tick_clock.hpp"
 
 namespace rtpm::rt {
 namespace {
-
-std::int64_t system_time_ns() noexcept {
-  timespec time{};
-  clock_gettime(CLOCK_MONOTONIC, &time);
-  return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
-}
 
 #if defined(__x86_64__)
 
@@ -29,25 +20,14 @@ std::uint64_t ticks() noexcept {
   return __builtin_ia32_rdtsc();
 }
 
-// The kernel uses the tick counter as its clock only if its rate is constant, it never stops, and
-// it is the same on all CPUs.
-bool is_ticking() noexcept {
-  static const bool is_used_by_kernel = [] {
-    std::array<char, 32> buffer{};
-    return read_file("/sys/devices/system/clocksource/clocksource0/current_clocksource", buffer) ==
-           "tsc";
-  }();
-  return is_used_by_kernel;
-}
-
 // Reads the system's clock, and the ticks just before and after.
 [[gnu::noinline]] std::int64_t look() noexcept {
-  if (!is_ticking()) return system_time_ns();
+  if (!os::counts_ticks()) return os::time_ns();
   constexpr int kTryCount = 3;
   std::int64_t time_ns = 0;
   for (int i = 0; i < kTryCount; ++i) {
     const std::uint64_t before = ticks();
-    time_ns = system_time_ns();
+    time_ns = os::time_ns();
     const std::uint64_t passed = ticks() - before;
     if (passed <= look_ticks_max) {
       look_ticks_max = std::min(look_ticks_max, 2 * passed);
@@ -67,7 +47,7 @@ std::int64_t time_now_ns() noexcept {
 #else
 
 std::int64_t time_now_ns() noexcept {
-  return system_time_ns();
+  return os::time_ns();
 }
 
 #endif
@@ -80,9 +60,7 @@ MonotonicTime now() noexcept {
 
 void sleep_until(MonotonicTime time) noexcept {
   const AsleepScope asleep;
-  const timespec until = to_timespec(time);
-  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
-  }
+  os::sleep_until(time);
 }
 
 }  // namespace rtpm::rt

@@ -1,7 +1,6 @@
 #include "rtpm/rt/cpu_keeper.hpp"
 
-#include <sys/resource.h>
-
+#include "os/native_thread.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::rt {
@@ -32,9 +31,8 @@ void CpuKeeper::keep_until(MonotonicTime time) noexcept {
 }
 
 void CpuKeeper::run() noexcept {
-  constexpr int kNiceLowest = 19;
   // A keeper that would compete with other threads must not run.
-  if (setpriority(PRIO_PROCESS, 0, kNiceLowest) != 0) return;
+  if (!os::yield_to_all()) return;
   while (!is_ending_.load(std::memory_order_relaxed)) {
     static_cast<void>(call_.wait_until(kNever));
     // SYNC POINT keeper-call

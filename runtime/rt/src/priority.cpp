@@ -1,11 +1,9 @@
 #include "rtpm/rt/priority.hpp"
 
-#include <pthread.h>
-#include <sched.h>
-
 #include <string>
 
 #include "native_level.hpp"
+#include "os/native_thread.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 
@@ -58,9 +56,7 @@ int native_level() noexcept {
 
 bool set_native_level(int level) noexcept {
   if (thread_level == level) return true;
-  sched_param parameter{};
-  parameter.sched_priority = level;
-  if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter) != 0) return false;
+  if (os::request_level(level) != 0) return false;
   if (thread_level == 0) this_thread_budget() = RealtimeBudget(realtime_limit(), now());
   thread_level = level;
   return true;

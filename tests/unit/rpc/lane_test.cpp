@@ -16,7 +16,7 @@
 #include "one_port.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/serve.hpp"
-#include "rtpm/transport/port_wait_set.hpp"
+#include "rtpm/transport/wait_set.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -216,7 +216,7 @@ class LaneAlone {
     const auto listener = transport::TcpListener::open("127.0.0.1", 0);
     lane_ = std::make_unique<Lane>(
         setup, test::one_port(listener->port()),
-        std::move(*transport::PortWaitSet::open(wait_source_count(session_count_max))));
+        std::move(*transport::WaitSet::open_for_lane(wait_source_count(session_count_max))));
     EXPECT_TRUE(lane_->start(rt::RealtimeMode::kOff, nullptr));
   }
   ~LaneAlone() {
@@ -241,7 +241,7 @@ class LaneAlone {
   ServerConfig config_;
   ObjectTable objects_;
   std::unique_ptr<transport::WaitSet> acceptor_bell_ =
-      std::move(*transport::PolledWaitSet::open(1));
+      std::move(*transport::WaitSet::open(1));
   LaneSlot slot_;
   std::unique_ptr<Lane> lane_;
 };

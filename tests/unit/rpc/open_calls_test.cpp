@@ -11,7 +11,7 @@
 #include "model/lane_setup.hpp"
 #include "one_port.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/transport/polled_wait_set.hpp"
+#include "rtpm/transport/wait_set.hpp"
 #include "rtpm/transport/tcp.hpp"
 
 // Answering calls that have ended while other threads may hold the lane's lock.
@@ -70,8 +70,8 @@ class OpenCallsTest : public testing::Test {
 
   ServerConfig config_;
   LaneSlot slot_;
-  std::unique_ptr<transport::PolledWaitSet> wait_set_ =
-      std::move(*transport::PolledWaitSet::open(8));
+  std::unique_ptr<transport::WaitSet> wait_set_ =
+      std::move(*transport::WaitSet::open(8));
   LaneReport report_{slot_, LaneConfig{}, Band{}};
   Media media_{setup(), test::one_port(transport::TcpListener::open("127.0.0.1", 0)->port()),
                *wait_set_, report_};
@@ -128,7 +128,7 @@ TEST_F(OpenCallsTest, ReleaseTheBufferIfTheSessionEndsMeanwhile) {
 
 // The handle of an unfinished call may outlive the lane, and its wait set.
 TEST(ADoorbell, MayRingAfterItsLaneHasEnded) {
-  auto wait_set = std::move(*transport::PolledWaitSet::open(1));
+  auto wait_set = std::move(*transport::WaitSet::open(1));
   Doorbell doorbell(*wait_set);
   doorbell.announce_sleep();
   doorbell.wake();

@@ -17,6 +17,7 @@
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
+#include "sockets/native.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -178,8 +179,8 @@ wire::PeerAddress peer_of_datagram(UdpPort& port, const char* source, std::uint1
   const Descriptor client(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   const SocketAddress own = numeric(source);
   const SocketAddress server = numeric("127.0.0.1", number);
-  EXPECT_EQ(bind(client.number(), own.native(), own.size()), 0) << source;
-  EXPECT_EQ(sendto(client.number(), "x", 1, 0, server.native(), server.size()), 1) << source;
+  EXPECT_EQ(bind(client.number(), native(own), size_of(own)), 0) << source;
+  EXPECT_EQ(sendto(client.number(), "x", 1, 0, native(server), size_of(server)), 1) << source;
   Bytes buffer(Datagrams::kSizeMax);
   EXPECT_TRUE(rtpm::test::await([&] { return port.await(buffer); }));
   const auto datagrams = port.receive(buffer);

@@ -22,6 +22,8 @@ class MergedDescriptorTest : public testing::Test {
     pollfd entry{merged_->number(), POLLIN, 0};
     return poll(&entry, 1, timeout_ms) == 1;
   }
+  /// Whether it becomes readable; some systems take a moment.
+  [[nodiscard]] bool becomes_readable() const { return is_readable(20'000); }
   [[nodiscard]] std::vector<std::uint64_t> take() {
     std::array<std::uint64_t, 8> room{};
     const auto tags = merged_->take(room);
@@ -35,10 +37,11 @@ class MergedDescriptorTest : public testing::Test {
 TEST_F(MergedDescriptorTest, ReportsADescriptorOncePerWatch) {
   const Descriptor one = readable();
   ASSERT_TRUE(merged_->watch(one.number(), 7));
-  EXPECT_TRUE(is_readable());
+  EXPECT_TRUE(becomes_readable());
   EXPECT_EQ(take(), std::vector<std::uint64_t>{7});
   EXPECT_FALSE(is_readable());
   ASSERT_TRUE(merged_->watch(one.number(), 8));
+  EXPECT_TRUE(becomes_readable());
   EXPECT_EQ(take(), std::vector<std::uint64_t>{8});
   ASSERT_TRUE(merged_->watch(one.number(), 9));
   merged_->unwatch(one.number());
@@ -52,20 +55,21 @@ TEST_F(MergedDescriptorTest, StaysReadableUntilAllAreReported) {
     ASSERT_TRUE(merged_->watch(many.back().number(), tag));
   }
   std::size_t count = 0;
-  while (is_readable())
+  while (count < many.size() && becomes_readable())
     count += take().size();
   EXPECT_EQ(count, many.size());
+  EXPECT_FALSE(is_readable());
 }
 
 TEST_F(MergedDescriptorTest, IsReadableAfterTheAlarmUntilTheNext) {
   merged_->set_alarm(rt::now() + 2ms);
-  EXPECT_TRUE(is_readable(20'000));
+  EXPECT_TRUE(becomes_readable());
   EXPECT_TRUE(take().empty());
   EXPECT_TRUE(is_readable());
   merged_->set_alarm(rt::now() + 1h);
   EXPECT_FALSE(is_readable());
   merged_->set_alarm(MonotonicTime{});
-  EXPECT_TRUE(is_readable()) << "a time that has passed";
+  EXPECT_TRUE(becomes_readable()) << "a time that has passed";
   merged_->set_alarm(kNever);
   EXPECT_FALSE(is_readable());
 }

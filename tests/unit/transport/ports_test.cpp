@@ -18,7 +18,7 @@
 #include "rtpm/test/free_port.hpp"
 #include "rtpm/test/os.hpp"
 #include "rtpm/transport/client_transport.hpp"
-#include "rtpm/transport/polled_wait_set.hpp"
+#include "rtpm/transport/wait_set.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
@@ -38,8 +38,8 @@ constexpr const char* kHere = "127.0.0.1";
 // A reserved block of addresses without hosts (RFC 5737).
 constexpr const char* kNobodysAddress = "192.0.2.1";
 
-UdpPort open_udp(std::uint16_t port, bool joins = false) {
-  auto opened = UdpPort::open({.port = port, .joins = joins});
+UdpPort open_udp(std::uint16_t port) {
+  auto opened = UdpPort::open({.port = port});
   EXPECT_TRUE(opened) << opened.error().text();
   return std::move(*opened);
 }
@@ -120,8 +120,11 @@ TEST(TcpListener, ReportsAConnectionThatStillWaits) {
 
 TEST(UdpPort, IsSharedByTheLanesOfOneServer) {
   const std::uint16_t number = free_port();
-  const UdpPort first = open_udp(number);
-  EXPECT_TRUE(UdpPort::open({.port = number, .joins = true}));
+  const std::array<LanePortConfig, 2> lanes{LanePortConfig{}, {.priority = 100, .low = 100}};
+  const auto ports = open_lane_ports({.port = number}, lanes, rt::RealtimeMode::kOff);
+  ASSERT_TRUE(ports) << ports.error().text();
+  EXPECT_EQ(ports->size(), 2U);
+  EXPECT_FALSE(UdpPort::open({.port = number})) << "but not by other servers";
 }
 
 TEST(UdpPort, KeepsAnAwaitedDatagramForTheNextReceive) {
@@ -179,7 +182,7 @@ TEST(Descriptors, AreReportedWhenExhausted) {
         open_shared_memory_transport({kHere, 4711, ""}, 0, rt::now() + 20s).error(),
         UdpPort::open({.host = kHere}).error(),
         TcpListener::open(kHere, 0).error(),
-        PolledWaitSet::open(1).error()};
+        WaitSet::open(1).error()};
     std::string wrong;
     for (const SetupError& error : errors) {
       const bool is_named =

@@ -7,7 +7,7 @@
 #include <random>
 #include <thread>
 
-#include "rtpm/transport/polled_wait_set.hpp"
+#include "rtpm/transport/wait_set.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "shared_memory_ends.hpp"
 
@@ -191,7 +191,7 @@ TEST(SharedMemoryRings, RingOnceForASleeper) {
 TEST(SharedMemoryRings, WakeAServerByTheEventOfItsAnswer) {
   Host host;
   RawPair pair(host);
-  auto opened = PolledWaitSet::open(1);
+  auto opened = WaitSet::open(1);
   ASSERT_TRUE(opened);
   WaitSet& wait_set = **opened;
   ASSERT_TRUE(wait_set.add(pair.connection->event(), kEvent, Trigger::kEdge));
@@ -231,7 +231,7 @@ TEST(SharedMemoryRings, WakeASleeperOnTheWordWithoutABell) {
 TEST(SharedMemoryRings, WakeAServerThatSleeps) {
   Host host;
   Pair pair(host);
-  auto opened = PolledWaitSet::open(1);
+  auto opened = WaitSet::open(1);
   ASSERT_TRUE(opened);
   WaitSet& wait_set = **opened;
   ASSERT_TRUE(wait_set.add(pair.connection->event(), kEvent, Trigger::kEdge));

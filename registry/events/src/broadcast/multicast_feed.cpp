@@ -12,7 +12,7 @@ constexpr int kDatagramsPerTurn = 64;
 
 std::shared_ptr<MulticastFeed> MulticastFeed::open(const transport::MulticastGroup& group) {
   auto receiver = transport::MulticastReceiver::open(group);
-  auto wait_set = transport::PolledWaitSet::open(1);
+  auto wait_set = transport::WaitSet::open(1);
   auto bell = transport::BroadcastBell::make();
   if (!receiver || !wait_set || !bell) return nullptr;
   const transport::SourceTag socket{transport::SourceKind{1}};

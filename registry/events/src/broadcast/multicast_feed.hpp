@@ -13,7 +13,7 @@
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/transport/broadcast_memory.hpp"
 #include "rtpm/transport/multicast.hpp"
-#include "rtpm/transport/polled_wait_set.hpp"
+#include "rtpm/transport/wait_set.hpp"
 
 namespace rtpm::events {
 

@@ -27,13 +27,13 @@ DisconnectReason reason_of(rpc::CallEnding ending) noexcept {
 }  // namespace
 
 expected<std::unique_ptr<Hub>, SetupError> Hub::create(const HubConfig& config) {
-  auto wait_set = transport::PolledWaitSet::open(1);
+  auto wait_set = transport::WaitSet::open(1);
   if (!wait_set) return unexpected{std::move(wait_set.error())};
   std::uint32_t payload_size_max = 0;
   for (const auto& each : config.limits.store.classes)
     payload_size_max = std::max(payload_size_max, each.payload_size_max);
   std::unique_ptr<RingOutlet> ring;
-  if (config.ring_size != 0) {
+  if (config.ring_size != 0 && transport::offers_broadcast_memory()) {
     auto made = RingOutlet::make(config.ring_size, payload_size_max);
     if (!made) return unexpected{std::move(made.error())};
     ring = std::move(*made);

@@ -23,7 +23,7 @@
 #include "rtpm/events/hub.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/thread.hpp"
-#include "rtpm/transport/polled_wait_set.hpp"
+#include "rtpm/transport/wait_set.hpp"
 
 namespace rtpm::events {
 

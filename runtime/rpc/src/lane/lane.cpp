@@ -35,7 +35,7 @@ std::uint32_t call_count_max(const LaneSetup& setup) noexcept {
 
 // The host's number, as CallerHost defines it.
 std::uint64_t host_number(const wire::PeerAddress& host) noexcept {
-  return host.high != 0 ? host.high : ntohl(static_cast<std::uint32_t>(host.low));
+  return host.high != 0 ? host.high : transport::SocketAddress::of(host).ipv4();
 }
 
 }  // namespace

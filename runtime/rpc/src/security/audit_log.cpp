@@ -1,12 +1,14 @@
 #include "security/audit_log.hpp"
 
+#include <array>
+#include <chrono>
 #include <cstdio>
-#include <ctime>
 
 #include "rtpm/access/fingerprint.hpp"
 #include "rtpm/access/role.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/utc.hpp"
 #include "security/access_control.hpp"
 
 namespace rtpm::rpc {
@@ -17,17 +19,18 @@ using access::Subject;
 
 // Converts a monotonic time to wall-clock time, as people and other logs use it.
 std::string time_text(MonotonicTime time) {
-  timespec wall{};
-  ::clock_gettime(CLOCK_REALTIME, &wall);
-  const std::int64_t now_ns = std::int64_t{wall.tv_sec} * 1'000'000'000 + wall.tv_nsec;
-  const std::int64_t ms = (now_ns - Duration(rt::now() - time).count()) / 1'000'000;
-  const std::time_t seconds = ms / 1000;
-  std::tm parts{};
-  ::gmtime_r(&seconds, &parts);
+  using namespace std::chrono;
+  const sys_time<nanoseconds> wall{nanoseconds{rt::utc_ns(time)}};
+  const auto day = floor<days>(wall);
+  const year_month_day date{day};
+  const hh_mm_ss clock{floor<milliseconds>(wall - day)};
   std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), "%04d-%02d-%02dT%02d:%02d:%02d.%03dZ",
-                parts.tm_year + 1900, parts.tm_mon + 1, parts.tm_mday, parts.tm_hour, parts.tm_min,
-                parts.tm_sec, static_cast<int>(ms % 1000));
+  std::snprintf(text.data(), text.size(), "%04d-%02u-%02uT%02d:%02d:%02d.%03dZ",
+                static_cast<int>(date.year()), static_cast<unsigned>(date.month()),
+                static_cast<unsigned>(date.day()), static_cast<int>(clock.hours().count()),
+                static_cast<int>(clock.minutes().count()),
+                static_cast<int>(clock.seconds().count()),
+                static_cast<int>(clock.subseconds().count()));
   return text.data();
 }
 
@@ -58,12 +61,9 @@ std::string who_text(const Subject& subject) {
 
 // Formats an IPv6 address, or the IPv4 address mapped in it.
 std::string address_text(const access::NetworkAddress& bytes) {
-  in6_addr address{};
-  std::ranges::copy(bytes, address.s6_addr);
-  std::string text = transport::SocketAddress(address, 0, 0).host();
-  constexpr std::string_view kMapped = "::ffff:";
-  if (IN6_IS_ADDR_V4MAPPED(&address)) text.erase(0, kMapped.size());
-  return text;
+  const auto address = transport::SocketAddress::of_ipv6(bytes, 0, 0);
+  const auto unmapped = transport::SocketAddress::of(address.peer());
+  return (unmapped.is_ipv4() ? unmapped : address).host();
 }
 
 std::string name_text(const AccessControl& control, const CallOrigin& origin) {

@@ -23,8 +23,7 @@ struct CallOrigin {
     const wire::PeerAddress& peer) noexcept {
   access::NetworkAddress address{};
   if (peer.high == 0 && peer.low == 0) return address;
-  const in6_addr native = transport::SocketAddress::of(peer).mapped_into_ipv6().ipv6();
-  std::ranges::copy(native.s6_addr, address.begin());
+  std::ranges::copy(transport::SocketAddress::of(peer).mapped_into_ipv6().ipv6(), address.begin());
   return address;
 }
 

@@ -33,7 +33,7 @@ expected<Secret<sealed::ServerIdentity>, SetupError> open_identity(const std::st
 expected<std::unique_ptr<Gatekeeper>, SetupError> Gatekeeper::open(const std::string& key_log_file,
                                                                    AccessControl& control,
                                                                    AuditLog& audit) {
-  auto wait_set = transport::PolledWaitSet::open(1);
+  auto wait_set = transport::WaitSet::open(1);
   if (!wait_set) return unexpected{wait_set.error()};
   std::unique_ptr<Gatekeeper> gatekeeper(new Gatekeeper(std::move(*wait_set), control, audit));
   if (key_log_file.empty()) return gatekeeper;

@@ -8,7 +8,7 @@
 #include "rtpm/access/log_file.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/thread.hpp"
-#include "rtpm/transport/polled_wait_set.hpp"
+#include "rtpm/transport/wait_set.hpp"
 #include "security/access_control.hpp"
 #include "security/audit_log.hpp"
 #include "security/gatekeeper_link.hpp"

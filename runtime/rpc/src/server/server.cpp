@@ -13,7 +13,7 @@
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/transport/address.hpp"
-#include "rtpm/transport/port_wait_set.hpp"
+#include "rtpm/transport/wait_set.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -179,22 +179,14 @@ expected<ServerImpl::Sockets, SetupError> ServerImpl::open_sockets() const {
     if (!listener) return unexpected{listener.error()};
     port = listener->port();
     sockets.listeners.push_back(std::move(*listener));
-    std::vector<Priority> lows;
-    const transport::UdpPort* any_lane = nullptr;
-    for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
-      const LaneConfig& lane = config_.lanes[i];
-      auto opened = transport::UdpPort::open(
-          {host, port, lane.priority, lane.low, /*joins=*/any_lane != nullptr, index});
-      if (!opened) return unexpected{opened.error()};
-      lows.push_back(lane.low);
-      sockets.ports_of_lanes[i].push_back(std::move(*opened));
-      any_lane = &sockets.ports_of_lanes[i].back();
-    }
-    if (lows.size() > 1) {
-      if (auto steered = transport::steer(*any_lane, lows); !steered) {
-        return unexpected{steered.error()};
-      }
-    }
+    std::vector<transport::LanePortConfig> lanes;
+    for (const LaneConfig& lane : config_.lanes)
+      lanes.push_back({lane.priority, lane.low});
+    auto opened = transport::open_lane_ports({.host = host, .port = port, .index = index}, lanes,
+                                             config_.realtime);
+    if (!opened) return unexpected{opened.error()};
+    for (std::size_t i = 0; i < opened->size(); ++i)
+      sockets.ports_of_lanes[i].push_back(std::move((*opened)[i]));
     ++index;
   }
   return sockets;
@@ -219,7 +211,7 @@ expected<void, SetupError> ServerImpl::open() {
     url_.port = sockets->listeners.front().port();
     auto memory_listeners = open_memory_listeners();
     if (!memory_listeners) return setup_error(subject_of(config_), memory_listeners.error());
-    auto wait_set = transport::PolledWaitSet::open(
+    auto wait_set = transport::WaitSet::open(
         Acceptor::wait_source_count(sockets->listeners.size() + memory_listeners->size()));
     if (!wait_set) return setup_error(subject_of(config_), wait_set.error());
     acceptor_ = std::make_unique<Acceptor>(
@@ -258,7 +250,7 @@ expected<void, SetupError> ServerImpl::open_access() {
 expected<std::vector<transport::SharedMemoryListener>, SetupError>
 ServerImpl::open_memory_listeners() const {
   std::vector<transport::SharedMemoryListener> listeners;
-  if (!config_.shared_memory) return listeners;
+  if (!config_.shared_memory || !transport::offers_shared_memory()) return listeners;
   for (const transport::InterfaceAddress& each : hosts_.addresses) {
     if (hosts_.is_any && each.address.is_link_local()) continue;
     // Containers that share a folder all have the loopback addresses.
@@ -296,7 +288,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<Ports> ports_of_la
   if (!table) return setup_error(subject_of(config_), table.error());
   lane_table_ = std::move(*table);
   for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
-    auto wait_set = transport::PortWaitSet::open(
+    auto wait_set = transport::WaitSet::open_for_lane(
         wait_source_count(config_.session_count_max, ports_of_lanes[i].size()));
     if (!wait_set) return setup_error(subject_of(config_), wait_set.error());
     setup.number = static_cast<std::uint32_t>(i);

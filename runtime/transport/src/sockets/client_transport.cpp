@@ -1,13 +1,10 @@
 #include "rtpm/transport/client_transport.hpp"
 
-#include <netinet/in.h>
-#include <netinet/ip.h>
-#include <sys/socket.h>
-
 #include <array>
 #include <cerrno>
 #include <cstring>
 
+#include "os/native_socket.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
@@ -61,7 +58,7 @@ class UdpTransport final : public ClientTransport {
   }
 
   expected<void, IoError> send(ConstBytes frame) noexcept override {
-    const ssize_t count =
+    const std::ptrdiff_t count =
         ::send(socket_.number(), frame.data(), frame.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
     if (count >= 0) return {};
     return unexpected{error_of(errno)};
@@ -100,7 +97,7 @@ class UdpTransport final : public ClientTransport {
       const bool takes_batches = !batch_buffer_.bytes().empty();
       const MutableBytes buffer = takes_batches ? batch_buffer_.bytes() : MutableBytes(buffer_);
       std::size_t each = 0;
-      const ssize_t count =
+      const std::ptrdiff_t count =
           receive_datagrams(socket_.number(), takes_batches, buffer, nullptr, nullptr, flags, each);
       if (count < 0) return unexpected{error_of(errno)};
       received_ = Datagrams{buffer.first(static_cast<std::size_t>(count)), each, {}};
@@ -190,7 +187,7 @@ expected<std::unique_ptr<ClientTransport>, SetupError> open_udp_transport(const 
                                                                           Priority priority) {
   const auto address = address_of(host, port);
   if (!address) return unexpected{address.error()};
-  Descriptor socket(::socket(address->family(), SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  Descriptor socket = os::open_socket(address->family(), SOCK_DGRAM, os::Blocking::kNo);
   if (!socket.is_open()) return unexpected{no_socket(host, port, errno)};
   // Connected, so that the system looks up the route only once and reports a closed port.
   if (connect_to(socket.number(), *address) != 0) {
@@ -199,8 +196,7 @@ expected<std::unique_ptr<ClientTransport>, SetupError> open_udp_transport(const 
   if (is_its_own_peer(socket.number(), *address)) {
     return unexpected{no_answer("UDP", host, port, ECONNREFUSED)};
   }
-  set_option(socket.number(), IPPROTO_IP, IP_MTU_DISCOVER, int{IP_PMTUDISC_DO});
-  set_option(socket.number(), IPPROTO_IPV6, IPV6_MTU_DISCOVER, int{IPV6_PMTUDISC_DO});
+  os::keep_whole(socket.number());
   set_traffic_class(socket.number(), priority);
   const bool stays_here = is_on_host(socket.number(), *address);
   return std::unique_ptr<ClientTransport>(
@@ -212,7 +208,7 @@ expected<std::unique_ptr<ClientTransport>, SetupError> open_tcp_transport(
     MonotonicTime deadline) {
   const auto address = address_of(host, port);
   if (!address) return unexpected{address.error()};
-  Descriptor socket(::socket(address->family(), SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  Descriptor socket = os::open_socket(address->family(), SOCK_STREAM, os::Blocking::kNo);
   if (!socket.is_open()) return unexpected{no_socket(host, port, errno)};
   set_traffic_class(socket.number(), priority);
   prepare_stream(socket.number());

@@ -1,37 +1,14 @@
-#include <ifaddrs.h>
-#include <net/if.h>
-
 #include <algorithm>
-#include <bit>
-#include <cerrno>
 #include <cstring>
 #include <span>
 #include <utility>
 
 #include "rtpm/base/printable.hpp"
 #include "rtpm/transport/address.hpp"
+#include "sockets/native.hpp"
 
 namespace rtpm::transport {
 namespace {
-
-// The IP address in network byte order: 4 bytes of IPv4, 16 of IPv6.
-std::span<const std::uint8_t> bytes_of(const SocketAddress& address) noexcept {
-  if (!address.is_ipv4()) return address.ipv6().s6_addr;
-  const auto* const ipv4 = reinterpret_cast<const sockaddr_in*>(address.native());
-  return {reinterpret_cast<const std::uint8_t*>(&ipv4->sin_addr), sizeof(in_addr)};
-}
-
-int prefix_size_of(const sockaddr* mask, int family) noexcept {
-  if (mask == nullptr) return 0;
-  // Some systems do not set the family of a mask.
-  SocketAddress address =
-      SocketAddress::of(*mask, family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6));
-  address.native()->sa_family = static_cast<sa_family_t>(family);
-  int size = 0;
-  for (const std::uint8_t byte : bytes_of(address))
-    size += std::popcount(byte);
-  return size;
-}
 
 using Addresses = std::vector<InterfaceAddress>;
 
@@ -92,28 +69,10 @@ expected<Addresses, SetupError> addresses_for(const std::string& host, const Add
 
 }  // namespace
 
-Addresses own_addresses() {
-  Addresses found;
-  ifaddrs* list = nullptr;
-  if (getifaddrs(&list) != 0) return found;
-  for (const ifaddrs* each = list; each != nullptr; each = each->ifa_next) {
-    if (each->ifa_addr == nullptr || (each->ifa_flags & IFF_UP) == 0) continue;
-    const int family = each->ifa_addr->sa_family;
-    if (family != AF_INET && family != AF_INET6) continue;
-    const socklen_t size = family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6);
-    const bool has_multicast =
-        (each->ifa_flags & IFF_MULTICAST) != 0 && (each->ifa_flags & IFF_LOOPBACK) == 0;
-    found.push_back({each->ifa_name, SocketAddress::of(*each->ifa_addr, size),
-                     prefix_size_of(each->ifa_netmask, family), has_multicast});
-  }
-  freeifaddrs(list);
-  return found;
-}
-
 bool is_in_network_of(const InterfaceAddress& own, const SocketAddress& address) noexcept {
   if (own.address.family() != address.family() || own.prefix_size == 0) return false;
-  const auto mine = bytes_of(own.address);
-  const auto its = bytes_of(address);
+  const auto mine = own.address.bytes();
+  const auto its = address.bytes();
   const auto whole_count = static_cast<std::size_t>(own.prefix_size / 8);
   if (whole_count > mine.size() || std::memcmp(mine.data(), its.data(), whole_count) != 0) {
     return false;

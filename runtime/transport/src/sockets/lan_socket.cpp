@@ -1,27 +1,22 @@
 #include "rtpm/transport/lan_socket.hpp"
 
-#include <arpa/inet.h>
-#include <poll.h>
-#include <sys/socket.h>
-
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <utility>
 
-#include "rtpm/rt/clock.hpp"
-#include "rtpm/rt/native_time.hpp"
+#include "os/native_socket.hpp"
 #include "sockets/native.hpp"
 
 namespace rtpm::transport {
 namespace {
 
 SocketAddress address_of_peer(const LanPeer& peer) noexcept {
-  return {in_addr{htonl(peer.ipv4)}, peer.port};
+  return SocketAddress::of_ipv4(peer.ipv4, peer.port);
 }
 
 Descriptor make_lan_socket() noexcept {
-  return Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  return os::open_socket(AF_INET, SOCK_DGRAM, os::Blocking::kNo);
 }
 
 unexpected<SetupError> failed(const std::string& what, const std::string& remedy = {}) {
@@ -72,10 +67,10 @@ expected<LanSocket, SetupError> LanSocket::open(const std::string& address, std:
   if (inet_pton(AF_INET, address.c_str(), &own) != 1) {
     return setup_error("'" + address + "' is no IPv4 address");
   }
-  const SocketAddress name(own, port);
+  const SocketAddress name = SocketAddress::of_ipv4(ntohl(own.s_addr), port);
   const bool is_set =
       socket.is_open() && (port == 0 || set_option(number, SOL_SOCKET, SO_REUSEADDR, 1)) &&
-      set_option(number, IPPROTO_IP, IP_MULTICAST_ALL, 0) &&
+      os::hear_joined_groups_only(number) &&
       set_option(number, IPPROTO_IP, IP_MULTICAST_TTL, 1) &&
       set_option(number, IPPROTO_IP, IP_MULTICAST_IF, own) && bind_to(number, name) == 0;
   if (!is_set) return failed("UDP " + address + ":" + std::to_string(port) + " can't be used");
@@ -88,9 +83,10 @@ expected<LanSocket, SetupError> LanSocket::join(const std::string& group, std::u
   const int number = socket.number();
   ip_mreq membership{};
   inet_pton(AF_INET, group.c_str(), &membership.imr_multiaddr);
-  const SocketAddress name(membership.imr_multiaddr, port);
+  const SocketAddress name =
+      SocketAddress::of_ipv4(ntohl(membership.imr_multiaddr.s_addr), port);
   const bool is_set = socket.is_open() && set_option(number, SOL_SOCKET, SO_REUSEADDR, 1) &&
-                      set_option(number, IPPROTO_IP, IP_MULTICAST_ALL, 0) &&
+                      os::hear_joined_groups_only(number) &&
                       bind_to(number, name) == 0;
   if (!is_set) return failed("multicast group " + group + " can't be used");
   for (const NetworkInterface& interface : interfaces) {
@@ -105,25 +101,25 @@ expected<LanSocket, SetupError> LanSocket::join(const std::string& group, std::u
 bool LanSocket::send(ConstBytes datagram, const LanPeer& to) noexcept {
   const SocketAddress name = address_of_peer(to);
   return sendto(socket_.number(), datagram.data(), datagram.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
-                name.native(), name.size()) == static_cast<ssize_t>(datagram.size());
+                native(name), size_of(name)) == static_cast<std::ptrdiff_t>(datagram.size());
 }
 
 ConstBytes LanSocket::receive(MutableBytes buffer, LanPeer& from) noexcept {
   from = {};
-  sockaddr_in name{};
-  socklen_t size = sizeof name;
-  const ssize_t count =
+  SocketAddress name;
+  socklen_t size = SocketAddress::kSizeMax;
+  const std::ptrdiff_t count =
       recvfrom(socket_.number(), buffer.data(), buffer.size(), MSG_DONTWAIT | MSG_TRUNC,
-               reinterpret_cast<sockaddr*>(&name), &size);
+               native(name), &size);
   if (count < 0) return {};
-  from = {ntohl(name.sin_addr.s_addr), ntohs(name.sin_port)};
+  from = {name.ipv4(), name.port()};
   const auto length = static_cast<std::size_t>(count);
   return ConstBytes(buffer).first(length <= buffer.size() ? length : 0);
 }
 
 LanPeer LanSocket::name() const noexcept {
   const SocketAddress own = own_address(socket_.number());
-  return {ntohl(own.ipv4().s_addr), own.port()};
+  return {own.ipv4(), own.port()};
 }
 
 void wait_for_any(const std::vector<LanSocket>& sockets, MonotonicTime until) noexcept {
@@ -131,8 +127,7 @@ void wait_for_any(const std::vector<LanSocket>& sockets, MonotonicTime until) no
   const std::size_t count = std::min(sockets.size(), polled.size());
   for (std::size_t i = 0; i < count; ++i)
     polled[i] = {sockets[i].descriptor(), POLLIN, 0};
-  const timespec left = rt::to_timespec(std::max(until - rt::now(), Duration{0}));
-  static_cast<void>(ppoll(polled.data(), count, until == kNever ? nullptr : &left, nullptr));
+  static_cast<void>(os::poll_until(std::span(polled).first(count), until));
 }
 
 }  // namespace rtpm::transport

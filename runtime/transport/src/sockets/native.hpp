@@ -1,8 +1,6 @@
 #pragma once
 
-#include <netinet/in.h>
-#include <sys/socket.h>
-
+#include "bsd_sockets.hpp"
 #include "rtpm/transport/address.hpp"
 #include "rtpm/transport/socket.hpp"
 
@@ -15,25 +13,28 @@ bool set_option(int socket, int level, int option, const T& value) noexcept {
   return setsockopt(socket, level, option, &value, sizeof value) == 0;
 }
 
-/// Exceeds the system's limit if the process has the right; otherwise the limit applies.
-inline void enlarge_receive_buffer(int socket, int size) noexcept {
-  if (!set_option(socket, SOL_SOCKET, SO_RCVBUFFORCE, size)) {
-    set_option(socket, SOL_SOCKET, SO_RCVBUF, size);
-  }
+[[nodiscard]] inline const sockaddr* native(const SocketAddress& address) noexcept {
+  return static_cast<const sockaddr*>(address.native());
+}
+[[nodiscard]] inline sockaddr* native(SocketAddress& address) noexcept {
+  return static_cast<sockaddr*>(address.native());
+}
+[[nodiscard]] inline socklen_t size_of(const SocketAddress& address) noexcept {
+  return static_cast<socklen_t>(address.size());
 }
 
 [[nodiscard]] inline int bind_to(int socket, const SocketAddress& address) noexcept {
-  return bind(socket, address.native(), address.size());
+  return bind(socket, native(address), size_of(address));
 }
 [[nodiscard]] inline int connect_to(int socket, const SocketAddress& address) noexcept {
-  return connect(socket, address.native(), address.size());
+  return connect(socket, native(address), size_of(address));
 }
 
 /// The socket's own address; without a family if it has none.
 [[nodiscard]] inline SocketAddress own_address(int socket) noexcept {
   SocketAddress own;
   socklen_t size = SocketAddress::kSizeMax;
-  getsockname(socket, own.native(), &size);
+  getsockname(socket, native(own), &size);
   return own;
 }
 

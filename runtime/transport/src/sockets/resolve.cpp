@@ -1,5 +1,3 @@
-#include <netdb.h>
-
 #include <algorithm>
 #include <atomic>
 #include <memory>
@@ -11,6 +9,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/semaphore.hpp"
 #include "rtpm/transport/address.hpp"
+#include "sockets/native.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -33,7 +32,7 @@ void look_up(Lookup& lookup) noexcept {
   addrinfo* found = nullptr;
   lookup.error = getaddrinfo(lookup.host.c_str(), nullptr, &hints, &found);
   for (const addrinfo* each = found; each != nullptr; each = each->ai_next) {
-    const auto address = SocketAddress::of(*each->ai_addr, each->ai_addrlen);
+    const auto address = SocketAddress::of(each->ai_addr, each->ai_addrlen);
     const bool is_new = std::ranges::find(lookup.addresses, address) == lookup.addresses.end();
     if (is_new && lookup.addresses.size() < kAddressCountMax) lookup.addresses.push_back(address);
   }

@@ -1,21 +1,13 @@
 #include "rtpm/transport/socket.hpp"
 
-#include <fcntl.h>
-#include <netinet/in.h>
-#include <netinet/ip.h>
-#include <poll.h>
-#include <sys/socket.h>
-#include <sys/time.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 
+#include "os/native_socket.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/rt/native_time.hpp"
 #include "rtpm/transport/address.hpp"
 #include "rtpm/transport/loopback.hpp"
 #include "sockets/native.hpp"
@@ -59,7 +51,7 @@ SetupError no_descriptor(const std::string& what, int error) {
 }
 
 wire::PeerAddress this_host() noexcept {
-  return {.low = htonl(INADDR_LOOPBACK)};
+  return SocketAddress::of_ipv4(INADDR_LOOPBACK, 0).peer();
 }
 
 wire::PeerAddress host_of(int socket) noexcept {
@@ -69,27 +61,23 @@ wire::PeerAddress host_of(int socket) noexcept {
   if (getpeername(socket, generic, &size) != 0) return {};
   if (address.ss_family == AF_INET || address.ss_family == AF_INET6) {
     const auto called = SocketAddress::of(own_address(socket).peer());
-    wire::PeerAddress host = counted(SocketAddress::of(*generic, size).peer(), called);
+    wire::PeerAddress host = counted(SocketAddress::of(generic, size).peer(), called);
     host.port = 0;
     return host;
   }
-  ucred credentials{};
-  size = sizeof credentials;
-  if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0) return {};
-  return {.low = static_cast<std::uint32_t>(credentials.pid)};
+  const auto peer = os::peer_process(socket);
+  return {.low = peer ? peer->process_id : 0};
 }
 
 std::optional<std::uint32_t> user_of(int socket) noexcept {
-  ucred credentials{};
-  socklen_t size = sizeof credentials;
-  if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0) return std::nullopt;
-  return credentials.uid;
+  const auto peer = os::peer_process(socket);
+  return peer ? std::optional(peer->user) : std::nullopt;
 }
 
 bool is_from_this_host(int socket) noexcept {
   SocketAddress peer;
   socklen_t size = SocketAddress::kSizeMax;
-  if (getpeername(socket, peer.native(), &size) != 0) return false;
+  if (getpeername(socket, native(peer), &size) != 0) return false;
   // A dual-stack socket reports IPv4 addresses as mapped ones.
   const auto address = SocketAddress::of(peer.peer());
   return address.is_loopback() ||
@@ -125,7 +113,7 @@ void set_traffic_class(int socket, Priority priority) noexcept {
   // These also set SO_PRIORITY, so they come first. A dual-stack socket accepts both.
   set_option(socket, IPPROTO_IP, IP_TOS, type_of_service);
   set_option(socket, IPPROTO_IPV6, IPV6_TCLASS, type_of_service);
-  set_option(socket, SOL_SOCKET, SO_PRIORITY, chosen.queue);
+  os::set_queue(socket, chosen.queue);
 }
 
 namespace {
@@ -133,12 +121,7 @@ namespace {
 bool wait_for(int descriptor, short events, MonotonicTime until) noexcept {
   const rt::AsleepScope asleep;
   pollfd entry{descriptor, events, 0};
-  if (until == kNever) return ppoll(&entry, 1, nullptr, nullptr) > 0;
-  // The difference to a time far in the past would overflow.
-  const MonotonicTime now = rt::now();
-  const Duration left = until > now ? until - now : Duration{0};
-  const timespec timeout = rt::to_timespec(left);
-  return ppoll(&entry, 1, &timeout, nullptr) > 0;
+  return os::poll_until({&entry, 1}, until) > 0;
 }
 
 }  // namespace
@@ -152,10 +135,7 @@ bool wait_writable(int descriptor, MonotonicTime until) noexcept {
 }
 
 void limit_blocking(int socket, Duration time) noexcept {
-  const timeval limit{.tv_sec = 0, .tv_usec = time / std::chrono::microseconds{1}};
-  set_option(socket, SOL_SOCKET, SO_RCVTIMEO, limit);
-  const int flags = fcntl(socket, F_GETFL);
-  fcntl(socket, F_SETFL, flags & ~O_NONBLOCK);
+  os::limit_blocking(socket, time);
 }
 
 bool may_block_until(MonotonicTime until, Duration time) noexcept {
@@ -166,10 +146,10 @@ bool may_block_until(MonotonicTime until, Duration time) noexcept {
 
 expected<SocketAddress, SetupError> address_to_open(const std::string& host, std::uint16_t port) {
   if (host != kAnyHost) return address_of(host, port);
-  const Descriptor trial(::socket(AF_INET6, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  const SocketAddress both(in6addr_any, 0, 0);
+  const Descriptor trial = os::open_socket(AF_INET6, SOCK_DGRAM, os::Blocking::kYes);
+  const SocketAddress both = SocketAddress::of_ipv6({}, 0, 0);
   const bool has_ipv6 = trial.is_open() && bind_to(trial.number(), both) == 0;
-  return has_ipv6 ? SocketAddress(in6addr_any, 0, port) : SocketAddress(in_addr{INADDR_ANY}, port);
+  return has_ipv6 ? SocketAddress::of_ipv6({}, 0, port) : SocketAddress::of_ipv4(0, port);
 }
 
 void set_dual_stack(int socket, const SocketAddress& address) noexcept {
@@ -178,12 +158,12 @@ void set_dual_stack(int socket, const SocketAddress& address) noexcept {
 }
 
 Descriptor spare_descriptor() noexcept {
-  return Descriptor(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  return os::open_socket(AF_UNIX, SOCK_STREAM, os::Blocking::kYes);
 }
 
 Accepted accept_or_turn_away(int listener, Descriptor& spare) noexcept {
   Accepted accepted;
-  accepted.socket = Descriptor(accept4(listener, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+  accepted.socket = os::accept_from(listener, os::Blocking::kNo);
   if (accepted.socket.is_open()) {
     if (!spare.is_open()) spare = spare_descriptor();
     return accepted;
@@ -192,7 +172,7 @@ Accepted accept_or_turn_away(int listener, Descriptor& spare) noexcept {
   accepted.shortage = errno;
   { const Descriptor closed = std::move(spare); }
   {
-    const Descriptor unwanted(accept4(listener, nullptr, nullptr, SOCK_CLOEXEC));
+    const Descriptor unwanted = os::accept_from(listener, os::Blocking::kYes);
     accepted.still_waits = !unwanted.is_open() && is_shortage(errno);
   }
   spare = spare_descriptor();

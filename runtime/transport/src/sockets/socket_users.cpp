@@ -1,8 +1,5 @@
 #include "rtpm/transport/socket_users.hpp"
 
-#include <netinet/in.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -14,6 +11,7 @@
 #include <string_view>
 
 #include "rtpm/base/whole_number.hpp"
+#include "sockets/native.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -43,11 +41,11 @@ std::optional<SocketAddress> address_of(std::string_view text) {
   }
   if (!port || *port > 0xffff) return std::nullopt;
   const auto number = static_cast<std::uint16_t>(*port);
-  if (colon == 8) return SocketAddress(in_addr{groups[0]}, number);
-  in6_addr address{};
-  std::memcpy(&address, groups.data(), sizeof address);
+  if (colon == 8) return SocketAddress::of_ipv4(ntohl(groups[0]), number);
+  SocketAddress::Ipv6 address{};
+  std::memcpy(address.data(), groups.data(), sizeof address);
   // An IPv4 address mapped into IPv6 becomes IPv4.
-  return SocketAddress::of(SocketAddress(address, 0, number).peer());
+  return SocketAddress::of(SocketAddress::of_ipv6(address, 0, number).peer());
 }
 
 /// "::" counts as accepting IPv4, too, as the setting is not visible from outside.

@@ -1,13 +1,10 @@
 #include "rtpm/transport/stream.hpp"
 
-#include <linux/sockios.h>
-#include <sys/ioctl.h>
-#include <sys/socket.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
 
+#include "os/native_socket.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/sealed.hpp"
 
@@ -75,7 +72,7 @@ expected<MutableBytes, IoError> FrameStream::receive(int flags) noexcept {
   std::size_t size = filled_size_ > 0 ? complete_size(0) : 0;
   while (size == 0) {
     const std::size_t step_size = std::min(buffer().size() - filled_size_, kStepSizeMax);
-    const ssize_t count = fill(flags);
+    const std::ptrdiff_t count = fill(flags);
     if (count == 0) return unexpected{IoError::kClosed};
     if (count < 0) return unexpected{is_nothing(errno) ? IoError::kNothing : IoError::kClosed};
     size = complete_size(0);
@@ -98,25 +95,24 @@ void FrameStream::release_given() noexcept {
 }
 
 // Receives once, appending to the filled part.
-ssize_t FrameStream::fill(int flags) noexcept {
+std::ptrdiff_t FrameStream::fill(int flags) noexcept {
   const MutableBytes free = buffer().subspan(filled_size_);
   const std::size_t size = std::min(free.size(), kStepSizeMax);
-  const ssize_t count = recv(socket_.number(), free.data(), size, flags);
+  const std::ptrdiff_t count = recv(socket_.number(), free.data(), size, flags);
   if (count > 0) filled_size_ += static_cast<std::size_t>(count);
   return count;
 }
 
 // The socket's buffer holds more; the rest is left to frames that may not wait.
 bool FrameStream::has_spare_capacity(std::size_t size) noexcept {
-  int waiting = 0;
+  const auto waiting = os::unacknowledged_size(socket_.number());
   // If the connection has ended, the send reports it.
-  if (ioctl(socket_.number(), SIOCOUTQ, &waiting) != 0) return true;
-  return waiting == 0 || static_cast<std::size_t>(waiting) + size <= waiting_max_;
+  return waiting.value_or(0) == 0 || *waiting + size <= waiting_max_;
 }
 
 expected<void, IoError> FrameStream::send(ConstBytes frame, MonotonicTime until) noexcept {
   while (true) {
-    const ssize_t count = ::send(socket_.number(), frame.data(),
+    const std::ptrdiff_t count = ::send(socket_.number(), frame.data(),
                                  std::min(frame.size(), kStepSizeMax), MSG_DONTWAIT | MSG_NOSIGNAL);
     if (count >= 0) {
       frame = frame.subspan(static_cast<std::size_t>(count));

@@ -1,10 +1,8 @@
 #include "rtpm/transport/tcp.hpp"
 
-#include <netinet/tcp.h>
-#include <sys/socket.h>
-
 #include <cerrno>
 
+#include "os/native_socket.hpp"
 #include "rtpm/wire/url.hpp"
 #include "sockets/native.hpp"
 
@@ -12,10 +10,7 @@ namespace rtpm::transport {
 
 void prepare_stream(int socket) noexcept {
   set_option(socket, IPPROTO_TCP, TCP_NODELAY, 1);
-  set_option(socket, SOL_SOCKET, SO_KEEPALIVE, 1);
-  set_option(socket, IPPROTO_TCP, TCP_KEEPIDLE, 5);         // seconds
-  set_option(socket, IPPROTO_TCP, TCP_KEEPINTVL, 1);        // seconds
-  set_option(socket, IPPROTO_TCP, TCP_USER_TIMEOUT, 3000);  // milliseconds
+  os::limit_silence(socket);
   set_option(socket, SOL_SOCKET, SO_SNDBUF, 1 << 20);
 }
 
@@ -32,7 +27,7 @@ expected<TcpListener, SetupError> TcpListener::open(const std::string& host, std
   const auto address = address_to_open(host, port);
   if (!address) return unexpected{address.error()};
   const std::string name = wire::host_and_port(host, port);
-  Descriptor socket(::socket(address->family(), SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  Descriptor socket = os::open_socket(address->family(), SOCK_STREAM, os::Blocking::kNo);
   if (!socket.is_open()) return unexpected{no_descriptor("a TCP socket for " + name, errno)};
   // Lets a restarted server bind its port while old connections are still ending.
   set_option(socket.number(), SOL_SOCKET, SO_REUSEADDR, 1);

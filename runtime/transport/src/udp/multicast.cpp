@@ -1,12 +1,10 @@
 #include "rtpm/transport/multicast.hpp"
 
-#include <arpa/inet.h>
-#include <sys/socket.h>
-
 #include <cerrno>
 #include <cstring>
 #include <utility>
 
+#include "os/native_socket.hpp"
 #include "rtpm/transport/address.hpp"
 #include "sockets/native.hpp"
 
@@ -27,20 +25,21 @@ unexpected<SetupError> failed(const MulticastGroup& group, const std::string& wh
 
 /// A group's addresses in the form that system calls use.
 struct Addresses {
-  sockaddr_in group{};
+  SocketAddress group{};
   in_addr interface {};
 };
 
 expected<Addresses, SetupError> addresses_of(const MulticastGroup& group) {
   Addresses addresses;
-  addresses.group.sin_family = AF_INET;
-  addresses.group.sin_port = htons(group.port);
-  if (inet_pton(AF_INET, group.group.c_str(), &addresses.group.sin_addr) != 1 ||
-      !IN_MULTICAST(ntohl(addresses.group.sin_addr.s_addr)) || group.port == 0) {
+  const auto address = SocketAddress::parse(group.group, group.port);
+  constexpr std::uint32_t kMulticastNet = 0xe;  // 224.0.0.0/4
+  if (!address || !address->is_ipv4() || address->ipv4() >> 28 != kMulticastNet ||
+      group.port == 0) {
     return failed(group, "that is no multicast address with a port",
                   "give an address from 224.0.0.0 to 239.255.255.255, best one that begins with "
                   "239, and a port");
   }
+  addresses.group = *address;
   addresses.interface.s_addr = htonl(INADDR_ANY);
   if (!group.interface.empty() &&
       inet_pton(AF_INET, group.interface.c_str(), &addresses.interface) != 1) {
@@ -51,7 +50,7 @@ expected<Addresses, SetupError> addresses_of(const MulticastGroup& group) {
 }
 
 Descriptor make_multicast_socket() noexcept {
-  return Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  return os::open_socket(AF_INET, SOCK_DGRAM, os::Blocking::kNo);
 }
 
 }  // namespace
@@ -67,13 +66,13 @@ expected<MulticastSender, SetupError> MulticastSender::open(const MulticastGroup
                       (group.interface.empty() ||
                        set_option(number, IPPROTO_IP, IP_MULTICAST_IF, addresses->interface));
   if (!is_set) return failed(group, std::strerror(errno));
-  return MulticastSender(std::move(socket), addresses->group);
+  return MulticastSender(std::move(socket), addresses->group.ipv4(), addresses->group.port());
 }
 
 bool MulticastSender::send(ConstBytes datagram) noexcept {
+  const auto to = SocketAddress::of_ipv4(group_, port_);
   return sendto(socket_.number(), datagram.data(), datagram.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
-                reinterpret_cast<const sockaddr*>(&to_),
-                sizeof to_) == static_cast<ssize_t>(datagram.size());
+                native(to), size_of(to)) == static_cast<std::ptrdiff_t>(datagram.size());
 }
 
 expected<MulticastReceiver, SetupError> MulticastReceiver::open(const MulticastGroup& group) {
@@ -82,21 +81,20 @@ expected<MulticastReceiver, SetupError> MulticastReceiver::open(const MulticastG
   Descriptor socket = make_multicast_socket();
   const int number = socket.number();
   ip_mreq membership{};
-  membership.imr_multiaddr = addresses->group.sin_addr;
+  membership.imr_multiaddr.s_addr = htonl(addresses->group.ipv4());
   membership.imr_interface = addresses->interface;
-  // IP_MULTICAST_ALL off: receives only this group's datagrams, not those of groups that other
-  // programs on the host have joined on the same port.
+  // Not the datagrams of groups that other programs on the host have joined on the same port.
   const bool is_set = socket.is_open() && set_option(number, SOL_SOCKET, SO_REUSEADDR, 1) &&
-                      set_option(number, IPPROTO_IP, IP_MULTICAST_ALL, 0) &&
-                      bind_to(number, {addresses->group.sin_addr, group.port}) == 0 &&
+                      os::hear_joined_groups_only(number) &&
+                      bind_to(number, addresses->group) == 0 &&
                       set_option(number, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership);
   if (!is_set) return failed(group, std::strerror(errno));
-  enlarge_receive_buffer(number, kBurstBufferSize);
+  os::enlarge_receive_buffer(number, kBurstBufferSize);
   return MulticastReceiver(std::move(socket));
 }
 
 ConstBytes MulticastReceiver::receive(MutableBytes buffer) noexcept {
-  const ssize_t count =
+  const std::ptrdiff_t count =
       recv(socket_.number(), buffer.data(), buffer.size(), MSG_DONTWAIT | MSG_TRUNC);
   // A datagram that does not fit is not RTPM's, and counts as empty.
   if (count < 0) return {};

@@ -1,7 +1,5 @@
 #include "rtpm/transport/udp.hpp"
 
-#include <sys/socket.h>
-
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -9,8 +7,10 @@
 
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/url.hpp"
+#include "os/native_socket.hpp"
 #include "sockets/native.hpp"
 #include "sockets/own_host.hpp"
+#include "udp/distributor.hpp"
 #include "udp/segments.hpp"
 
 namespace rtpm::transport {
@@ -21,7 +21,7 @@ constexpr int kReceiveBufferSize = 1 << 20;
 
 // The socket is blocking; each call decides by its flags.
 Descriptor make_socket(int family) noexcept {
-  return Descriptor(::socket(family, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  return os::open_socket(family, SOCK_DGRAM, os::Blocking::kYes);
 }
 
 // A shared port is open to any process of the same user: a second server on it would silently take
@@ -53,6 +53,7 @@ SetupError no_socket(const std::string& name) {
 
 UdpPort::UdpPort(Descriptor socket, const SocketAddress& own, const UdpPortConfig& config)
     : socket_(std::move(socket)),
+      readable_(socket_.number()),
       low_(config.low),
       own_(own),
       index_(std::uint32_t{config.index} << kLocalShift) {
@@ -60,17 +61,21 @@ UdpPort::UdpPort(Descriptor socket, const SocketAddress& own, const UdpPortConfi
 }
 
 expected<UdpPort, SetupError> UdpPort::open(const UdpPortConfig& config) {
+  return open(config, /*joins=*/false);
+}
+
+expected<UdpPort, SetupError> UdpPort::open(const UdpPortConfig& config, bool joins) {
   const auto address = address_to_open(config.host, config.port);
   if (!address) return unexpected{address.error()};
   const std::string name = wire::host_and_port(config.host, config.port);
   Descriptor socket = make_socket(address->family());
   if (!socket.is_open()) return unexpected{no_socket(name)};
   set_option(socket.number(), SOL_SOCKET, SO_REUSEPORT, 1);
-  enlarge_receive_buffer(socket.number(), kReceiveBufferSize);
+  os::enlarge_receive_buffer(socket.number(), kReceiveBufferSize);
   set_traffic_class(socket.number(), config.priority);
   set_dual_stack(socket.number(), *address);
   limit_blocking(socket.number());
-  int error = config.joins ? 0 : error_of_trial(*address);
+  int error = joins ? 0 : error_of_trial(*address);
   if (error == 0 && address->is_unspecified() && !receive_destinations(socket.number(), *address)) {
     error = errno;
   }
@@ -82,12 +87,16 @@ expected<UdpPort, SetupError> UdpPort::open(const UdpPortConfig& config) {
   return opened;
 }
 
+void UdpPort::receive_from(std::shared_ptr<LaneInbox> inbox) noexcept {
+  readable_ = inbox->descriptor();
+  inbox_ = std::move(inbox);
+}
+
 bool UdpPort::open_waker() noexcept {
   waker_ = make_socket(own_.family());
   SocketAddress own = own_address(socket_.number());
   if (own.is_unspecified()) {
-    const in_addr loopback{htonl(INADDR_LOOPBACK)};
-    own = SocketAddress(loopback, own.port()).for_family(own_.family());
+    own = SocketAddress::of_ipv4(INADDR_LOOPBACK, own.port()).for_family(own_.family());
   }
   if (!waker_.is_open() || connect_to(waker_.number(), own) != 0) return false;
   waker_peer_ = own_address(waker_.number()).peer();
@@ -131,8 +140,10 @@ expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) no
   SocketAddress to;
   std::size_t each = 0;
   const bool is_any = locals_ != nullptr;
-  const ssize_t count = receive_datagrams(socket_.number(), estimator_.is_on(), buffer, &from,
-                                          is_any ? &to : nullptr, flags, each);
+  const std::ptrdiff_t count =
+      inbox_ ? inbox_->take(buffer, from, to, flags == 0, each)
+             : receive_datagrams(socket_.number(), estimator_.is_on(), buffer, &from,
+                                 is_any ? &to : nullptr, flags, each);
   if (count < 0) {
     const bool is_nothing = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
     estimator_.on_nothing();
@@ -151,6 +162,7 @@ expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) no
 }
 
 void UdpPort::note(const Datagrams& datagrams, MonotonicTime received) noexcept {
+  if (inbox_) return;  // Its datagrams are handed out singly.
   using Change = BatchEstimator::Change;
   const auto change = estimator_.on_datagrams(datagrams.peer(), datagrams.are_several(), received);
   if (change != Change::kNone) accept_segments(socket_.number(), change == Change::kBegin);
@@ -166,20 +178,20 @@ bool UdpPort::wake() noexcept {
 
 expected<void, IoError> UdpPort::send(const wire::PeerAddress& peer, ConstBytes frame) noexcept {
   const auto to = SocketAddress::of(peer);
-  const ssize_t count = own_.is_ipv4() && !locals_
+  const std::ptrdiff_t count = own_.is_ipv4() && !locals_
                             ? sendto(socket_.number(), frame.data(), frame.size(),
-                                     MSG_DONTWAIT | MSG_NOSIGNAL, to.native(), sizeof(sockaddr_in))
+                                     MSG_DONTWAIT | MSG_NOSIGNAL, native(to), sizeof(sockaddr_in))
                             : send_as_asked(to.for_family(own_.family()), local_of(peer), frame);
-  if (count == static_cast<ssize_t>(frame.size())) return {};
+  if (count == static_cast<std::ptrdiff_t>(frame.size())) return {};
   return unexpected{error_of_send(errno)};
 }
 
 // Sends from the address that the peer called.
-ssize_t UdpPort::send_as_asked(const SocketAddress& to, const SocketAddress& local,
+std::ptrdiff_t UdpPort::send_as_asked(const SocketAddress& to, const SocketAddress& local,
                                ConstBytes frame) noexcept {
   if (locals_ && local.family() != AF_UNSPEC) return send_from(socket_.number(), to, local, frame);
   return sendto(socket_.number(), frame.data(), frame.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
-                to.native(), to.size());
+                native(to), size_of(to));
 }
 
 expected<void, IoError> UdpPort::send_batch(const wire::PeerAddress& peer,

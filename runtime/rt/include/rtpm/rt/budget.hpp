@@ -17,6 +17,11 @@ struct RealtimeLimit {
   Duration period{0};
   /// False if the kernel does not limit real-time threads.
   [[nodiscard]] bool is_limited() const noexcept { return period > runtime; }
+  /// The share of a CPU that they may take, from 0 to 1.
+  [[nodiscard]] double share() const noexcept {
+    return is_limited() ? static_cast<double>(runtime.count()) / static_cast<double>(period.count())
+                        : 1;
+  }
 };
 
 /// The limit for this process: the lower of kernel.sched_rt_runtime_us and the cpu.rt_runtime_us of

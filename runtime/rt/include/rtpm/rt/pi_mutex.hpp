@@ -1,6 +1,6 @@
 #pragma once
 
-#include <pthread.h>
+#include <cstddef>
 
 namespace rtpm::rt {
 
@@ -19,7 +19,7 @@ class PiMutex {
   void unlock() noexcept;
 
  private:
-  pthread_mutex_t mutex_;
+  alignas(8) std::byte storage_[64];  ///< The system's mutex.
 };
 
 }  // namespace rtpm::rt

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <semaphore.h>
+#include <cstddef>
 
 #include "rtpm/base/time.hpp"
 
@@ -21,7 +21,7 @@ class Semaphore {
   [[nodiscard]] bool wait_until(MonotonicTime deadline) noexcept;
 
  private:
-  sem_t semaphore_;
+  alignas(8) std::byte storage_[32];  ///< The system's semaphore.
 };
 
 }  // namespace rtpm::rt

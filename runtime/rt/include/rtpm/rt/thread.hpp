@@ -1,7 +1,5 @@
 #pragma once
 
-#include <pthread.h>
-
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -68,7 +66,7 @@ class Thread {
   [[nodiscard]] bool is_running() const noexcept { return handle_.has_value(); }
 
  private:
-  std::optional<pthread_t> handle_{};
+  std::optional<std::uintptr_t> handle_{};  ///< The system's.
 };
 
 /// Sets the calling thread's name, scheduling and affinity.

@@ -25,6 +25,9 @@ namespace rtpm::transport {
 /// The longest sleep on a bell; a reader then checks the memory without a signal.
 inline constexpr Duration kBellLookInterval = std::chrono::milliseconds{100};
 
+/// Whether this system offers it.
+[[nodiscard]] bool offers_broadcast_memory() noexcept;
+
 /// This process's mapping of a bell.
 /// @threads  any
 class BroadcastBell {

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <netinet/in.h>
-
 #include <cstdint>
 #include <string>
 
@@ -35,10 +33,11 @@ class MulticastSender {
   [[nodiscard]] bool send(ConstBytes datagram) noexcept;
 
  private:
-  MulticastSender(Descriptor socket, sockaddr_in to) noexcept
-      : socket_(std::move(socket)), to_(to) {}
+  MulticastSender(Descriptor socket, std::uint32_t group, std::uint16_t port) noexcept
+      : socket_(std::move(socket)), group_(group), port_(port) {}
   Descriptor socket_;
-  sockaddr_in to_;
+  std::uint32_t group_;  ///< 239.255.42.1 is 0xefff2a01.
+  std::uint16_t port_;
 };
 
 /// @threads  one

@@ -21,6 +21,9 @@
 /// @source   spec/hprotocol.md#hp-16
 namespace rtpm::transport {
 
+/// Whether this system offers it.
+[[nodiscard]] bool offers_shared_memory() noexcept;
+
 /// Where a server's UNIX socket is. Without a folder it has an abstract name in the network
 /// namespace, built from the server's host and port. With a folder it is the file
 /// "<folder>/<host>:<port>", for containers that share nothing else.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -35,7 +36,7 @@ class FrameStream final : public Connection {
   [[nodiscard]] MutableBytes buffer() noexcept;
   [[nodiscard]] expected<MutableBytes, IoError> receive(int flags) noexcept;
   void release_given() noexcept;
-  [[nodiscard]] ssize_t fill(int flags) noexcept;
+  [[nodiscard]] std::ptrdiff_t fill(int flags) noexcept;
 
   struct alignas(64) CacheLine {
     std::byte bytes[64];

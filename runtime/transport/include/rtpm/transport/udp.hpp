@@ -1,17 +1,18 @@
 #pragma once
 
-#include <sys/types.h>
-
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/rt/thread.hpp"
 #include "rtpm/transport/address.hpp"
 #include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/socket.hpp"
@@ -19,20 +20,20 @@
 
 namespace rtpm::transport {
 
+class LaneInbox;
+
 struct UdpPortConfig {
   /// Numeric, a name, or "any": every address of this host, including later ones. With "any", an
   /// answer is sent from the address at which its request arrived.
   std::string host = "127.0.0.1";
   std::uint16_t port = 0;
   Priority priority = 0;  ///< The priority of sent datagrams, see set_traffic_class().
-  Priority low = 0;       ///< The lowest priority that steer() assigns to it.
-  bool joins = false;     ///< An additional socket on a server's port, not the first one.
+  Priority low = 0;       ///< The lowest priority of its lane.
   /// The port's index, if a lane has ports at several addresses; see index_of().
   std::uint16_t index = 0;
 };
 
-/// A lane's UDP socket. All lanes of a server share one port; the kernel steers each datagram to
-/// the lane of its priority, see steer().
+/// A lane's UDP socket. All lanes of a server share one port, see open_lane_ports().
 /// @threads  one at a time, except wake()
 /// @realtime alloc-free, never blocks, one system call, unless stated otherwise
 class UdpPort {
@@ -68,7 +69,8 @@ class UdpPort {
   /// @realtime one system call, or one per frame
   [[nodiscard]] expected<void, IoError> send_batch(const wire::PeerAddress& peer,
                                                    const DatagramBatch& batch) noexcept;
-  [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
+  /// The descriptor that is readable while there are datagrams.
+  [[nodiscard]] int descriptor() const noexcept { return readable_; }
 
   /// The host of a peer; this_host() if its address is loopback, or the one that it called.
   /// @realtime a few ns
@@ -86,15 +88,23 @@ class UdpPort {
   /// 64th.
   using LocalAddresses = std::array<SocketAddress, 64>;
 
+  friend class LanePorts;
+
   UdpPort(Descriptor socket, const SocketAddress& own, const UdpPortConfig& config);
+  /// @param joins  an additional socket on a server's port, not the first one
+  [[nodiscard]] static expected<UdpPort, SetupError> open(const UdpPortConfig& config, bool joins);
+  /// Receives from the inbox from now on, instead of from the socket.
+  void receive_from(std::shared_ptr<LaneInbox> inbox) noexcept;
   [[nodiscard]] bool open_waker() noexcept;
-  [[nodiscard]] ssize_t send_as_asked(const SocketAddress& to, const SocketAddress& local,
+  [[nodiscard]] std::ptrdiff_t send_as_asked(const SocketAddress& to, const SocketAddress& local,
                                       ConstBytes frame) noexcept;
   [[nodiscard]] std::uint32_t index_of_local(const SocketAddress& to) noexcept;
   [[nodiscard]] const SocketAddress& local_of(const wire::PeerAddress& peer) const noexcept;
   [[nodiscard]] expected<Datagrams, IoError> receive(MutableBytes buffer, int flags) noexcept;
 
   Descriptor socket_;
+  std::shared_ptr<LaneInbox> inbox_{};  ///< Null if the lane receives from its socket.
+  int readable_ = -1;
   Descriptor waker_;                ///< Connected to the port.
   wire::PeerAddress waker_peer_{};  ///< The sender address of its datagrams.
   Priority low_;
@@ -108,17 +118,27 @@ class UdpPort {
   std::optional<Datagrams> awaited_;
 };
 
-/// The offset at which steer() reads a datagram's priority, two bytes, little-endian: the header's
-/// (hp-11-2).
+/// The offset of a datagram's priority, two bytes, little-endian: the header's (hp-11-2).
 inline constexpr std::uint32_t kPriorityOffset = 4;
+/// The most lanes at one address.
+inline constexpr std::size_t kLaneCountMax = 64;
 
-/// Makes the kernel deliver each datagram to the lane that serves the priority in its header.
-/// @param any_lane   one of the lanes' ports
-/// @param lane_lows  the lowest priorities of the lanes, ascending from 0, in the order in which
-///           their ports were opened
+/// A lane's part of UdpPortConfig.
+struct LanePortConfig {
+  Priority priority = 0;
+  Priority low = 0;
+};
+
+/// Opens a port for each lane at one address, all with one number. Each datagram reaches the lane
+/// that serves the priority in its header; one with an invalid priority, or none, the lowest. On
+/// Linux the kernel steers them; elsewhere a thread of the highest lane's priority hands them out.
+/// @param config    `priority` and `low` are ignored
+/// @param lanes     1 to kLaneCountMax, their `low` ascending from 0
+/// @param realtime  for that thread
 /// @realtime set-up only
-/// @source   SO_ATTACH_REUSEPORT_CBPF, socket(7); the priority's offset is spec/hprotocol.md#hp-2's
-[[nodiscard]] expected<void, SetupError> steer(const UdpPort& any_lane,
-                                               std::span<const Priority> lane_lows);
+/// @errors   as UdpPort::open(); the system can't steer
+/// @source   spec/hprotocol.md#hp-11
+[[nodiscard]] expected<std::vector<UdpPort>, SetupError> open_lane_ports(
+    const UdpPortConfig& config, std::span<const LanePortConfig> lanes, rt::RealtimeMode realtime);
 
 }  // namespace rtpm::transport

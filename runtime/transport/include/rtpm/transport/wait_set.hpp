@@ -2,9 +2,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 
 #include "rtpm/base/bytes.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 
 namespace rtpm::transport {
@@ -54,8 +56,8 @@ inline constexpr SourceTag kDoorbell{};
 /// When a source is reported.
 enum class Trigger : std::uint8_t {
   kLevel,  ///< Reported in each wait while the source is readable.
-  /// Reported once per signal: for an eventfd that is never read, which saves a system call each
-  /// time.
+  /// Reported once per signal: for an event that is never read, which saves a system call each
+  /// time. Only for Connection::event().
   kEdge,
 };
 
@@ -81,6 +83,18 @@ class WaitSet {
   WaitSet(const WaitSet&) = delete;
   WaitSet& operator=(const WaitSet&) = delete;
   virtual ~WaitSet() = default;
+
+  /// @param source_count_max  its capacity, not counting the doorbell
+  /// @realtime set-up only
+  /// @errors   no descriptor left; the system is too old
+  [[nodiscard]] static expected<std::unique_ptr<WaitSet>, SetupError> open(
+      std::size_t source_count_max);
+  /// Opens the set of a lane. While the lane's UDP port is its only source, it may receive from the
+  /// port instead of polling it. Such a wait may end up to kBlockTime before its time.
+  /// @realtime set-up only
+  /// @errors   as open()
+  [[nodiscard]] static expected<std::unique_ptr<WaitSet>, SetupError> open_for_lane(
+      std::size_t source_count_max);
 
   /// Reports `descriptor` as `tag` from now on, even in a wait that is in progress with a lock.
   /// @param descriptor  must stay open until remove()

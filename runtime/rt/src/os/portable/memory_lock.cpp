@@ -1,0 +1,12 @@
+#include "os/memory_lock.hpp"
+
+namespace rtpm::rt::os {
+
+std::optional<LockRefusal> lock_all_memory() {
+  return LockRefusal{
+      "memory can't be locked (this system locks none as it is touched): page faults may delay "
+      "real-time threads",
+      "say --realtime off, or prefer."};
+}
+
+}  // namespace rtpm::rt::os

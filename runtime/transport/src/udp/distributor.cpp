@@ -1,0 +1,107 @@
+#include "udp/distributor.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "os/native_socket.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "udp/segments.hpp"
+
+namespace rtpm::transport {
+
+LaneInbox::LaneInbox(Priority low, os::Doorbell doorbell)
+    : low_(low), doorbell_(std::move(doorbell)), slots_(kSlotCount) {}
+
+bool LaneInbox::put(const SocketAddress& from, const SocketAddress& to,
+                    ConstBytes datagram) noexcept {
+  const std::size_t put = put_.load(std::memory_order_relaxed);
+  if (put - taken_.load(std::memory_order_acquire) == kSlotCount) return false;
+  Slot& slot = slots_[put % kSlotCount];
+  slot.from = from;
+  slot.to = to;
+  slot.size = std::min(datagram.size(), slot.bytes.size());
+  if (slot.size > 0) std::memcpy(slot.bytes.data(), datagram.data(), slot.size);
+  // SYNC POINT inbox-bell: either the lane sees this datagram before it sleeps, or the bell rings.
+  put_.store(put + 1, std::memory_order_seq_cst);
+  if (!is_rung_.exchange(true, std::memory_order_seq_cst)) doorbell_.ring();
+  return true;
+}
+
+std::ptrdiff_t LaneInbox::take(MutableBytes buffer, SocketAddress& from, SocketAddress& to,
+                               bool waits, std::size_t& size) noexcept {
+  if (is_empty()) {
+    if (waits) static_cast<void>(wait_readable(descriptor(), rt::now() + kBlockTime));
+    // SYNC POINT inbox-bell
+    if (is_rung_.load(std::memory_order_relaxed)) {
+      doorbell_.clear();
+      is_rung_.store(false, std::memory_order_seq_cst);
+    }
+    if (is_empty()) {
+      errno = EAGAIN;
+      return -1;
+    }
+    // The datagrams that are there already rang, and more may be there than one.
+    if (!is_rung_.exchange(true, std::memory_order_seq_cst)) doorbell_.ring();
+  }
+  const std::size_t taken = taken_.load(std::memory_order_relaxed);
+  const Slot& slot = slots_[taken % kSlotCount];
+  from = slot.from;
+  to = slot.to;
+  size = std::min(slot.size, buffer.size());
+  if (size > 0) std::memcpy(buffer.data(), slot.bytes.data(), size);
+  taken_.store(taken + 1, std::memory_order_release);
+  return static_cast<std::ptrdiff_t>(size);
+}
+
+expected<std::shared_ptr<Distributor>, SetupError> Distributor::start(
+    Descriptor socket, std::vector<std::unique_ptr<LaneInbox>> inboxes, Priority priority,
+    rt::RealtimeMode realtime) {
+  auto end = os::Doorbell::open();
+  if (!end) return unexpected{no_descriptor("a doorbell for the thread of a UDP port", errno)};
+  std::shared_ptr<Distributor> started(
+      new Distributor(std::move(socket), std::move(inboxes), std::move(*end)));
+  auto thread = rt::Thread::start({.name = "rtpm-steer", .priority = priority, .realtime = realtime},
+                                  [distributor = started.get()] { distributor->run(); });
+  if (!thread) return unexpected{std::move(thread.error())};
+  started->thread_ = std::move(*thread);
+  return started;
+}
+
+Distributor::~Distributor() {
+  end_.ring();
+}
+
+std::size_t Distributor::lane_of(ConstBytes datagram) const noexcept {
+  if (datagram.size() < kPriorityOffset + sizeof(std::uint16_t)) return 0;
+  const auto priority = load_le<std::uint16_t>(datagram.data() + kPriorityOffset);
+  if (priority > Priority::kHighest) return 0;
+  std::size_t lane = 0;
+  while (lane + 1 < inboxes_.size() && inboxes_[lane + 1]->low().value() <= priority)
+    ++lane;
+  return lane;
+}
+
+void Distributor::run() noexcept {
+  std::array<std::byte, wire::kDatagramFrameSizeMax + 1> buffer{};
+  std::array<pollfd, 2> polled{};
+  while (true) {
+    polled[0] = {.fd = end_.descriptor(), .events = POLLIN, .revents = 0};
+    polled[1] = {.fd = socket_.number(), .events = POLLIN, .revents = 0};
+    static_cast<void>(os::poll_until(polled, kNever));
+    if (polled[0].revents != 0) return;
+    while (true) {
+      SocketAddress from;
+      SocketAddress to;
+      std::size_t each = 0;
+      const std::ptrdiff_t count = receive_datagrams(socket_.number(), /*are_segments=*/false,
+                                                     buffer, &from, &to, MSG_DONTWAIT, each);
+      if (count < 0) break;
+      const ConstBytes datagram = ConstBytes(buffer).first(static_cast<std::size_t>(count));
+      inboxes_[lane_of(datagram)]->put(from, to, datagram);
+    }
+  }
+}
+
+}  // namespace rtpm::transport
