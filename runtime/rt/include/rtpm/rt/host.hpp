@@ -21,7 +21,8 @@ namespace rtpm::rt {
 /// @realtime set-up only
 [[nodiscard]] std::uint64_t random_u64() noexcept;
 
-/// The CPUs that the calling thread may run on, ascending.
+/// The CPUs that the calling thread may run on, ascending; empty where the system confines no
+/// threads to CPUs.
 /// @realtime set-up only
 [[nodiscard]] std::vector<int> usable_cpus();
 
