@@ -59,8 +59,9 @@ class PolledDescriptor final : public MergedDescriptor {
     {
       const std::lock_guard lock(mutex_);
       alarm_ = time;
-      has_alarmed_ = false;
+      has_alarmed_ = time <= rt::now();
       clear_if_idle();
+      if (has_alarmed_) report_.ring();
     }
     change_.ring();
   }
