@@ -202,10 +202,10 @@ const std::vector<Foreign>& foreigners() {
        "the operating system",
        {"runtime/access/src/os/", "runtime/rt/src/os/", "runtime/transport/src/os/",
         "runtime/program/src/os/", "runtime/options/src/os/", "gvd/driver_host/src/",
-        "gvd/recording/file/src/",
-        "gvd/incidents/src/", "devices/evdev/src/", "devices/falcon/src/", "devices/hid/src/",
-        "devices/io/src/", "devices/mpv/src/", "devices/serial/src/", "devices/vrpn/src/",
-        "clients/console/", "clients/python/src/", "clients/rtpm/", "clients/vrpn/src/"}},
+        "gvd/recording/file/src/", "gvd/incidents/src/", "devices/evdev/src/",
+        "devices/falcon/src/", "devices/hid/src/", "devices/io/src/", "devices/mpv/src/",
+        "devices/serial/src/", "devices/vrpn/src/", "clients/console/", "clients/python/src/",
+        "clients/rtpm/", "clients/vrpn/src/"}},
   };
   return kForeigners;
 }

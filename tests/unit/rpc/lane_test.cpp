@@ -16,10 +16,10 @@
 #include "one_port.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/serve.hpp"
-#include "rtpm/transport/wait_set.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
+#include "rtpm/transport/wait_set.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -240,8 +240,7 @@ class LaneAlone {
  private:
   ServerConfig config_;
   ObjectTable objects_;
-  std::unique_ptr<transport::WaitSet> acceptor_bell_ =
-      std::move(*transport::WaitSet::open(1));
+  std::unique_ptr<transport::WaitSet> acceptor_bell_ = std::move(*transport::WaitSet::open(1));
   LaneSlot slot_;
   std::unique_ptr<Lane> lane_;
 };

@@ -11,8 +11,8 @@
 #include "model/lane_setup.hpp"
 #include "one_port.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/transport/wait_set.hpp"
 #include "rtpm/transport/tcp.hpp"
+#include "rtpm/transport/wait_set.hpp"
 
 // Answering calls that have ended while other threads may hold the lane's lock.
 namespace rtpm::rpc {
@@ -70,8 +70,7 @@ class OpenCallsTest : public testing::Test {
 
   ServerConfig config_;
   LaneSlot slot_;
-  std::unique_ptr<transport::WaitSet> wait_set_ =
-      std::move(*transport::WaitSet::open(8));
+  std::unique_ptr<transport::WaitSet> wait_set_ = std::move(*transport::WaitSet::open(8));
   LaneReport report_{slot_, LaneConfig{}, Band{}};
   Media media_{setup(), test::one_port(transport::TcpListener::open("127.0.0.1", 0)->port()),
                *wait_set_, report_};

@@ -18,11 +18,11 @@
 #include "rtpm/test/free_port.hpp"
 #include "rtpm/test/os.hpp"
 #include "rtpm/transport/client_transport.hpp"
-#include "rtpm/transport/wait_set.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
+#include "rtpm/transport/wait_set.hpp"
 #include "rtpm/wire/medium.hpp"
 #include "sockets/native.hpp"
 

@@ -28,8 +28,7 @@ class Lanes {
     std::vector<LanePortConfig> lanes;
     for (const Priority low : lows)
       lanes.push_back({.low = low});
-    auto ports =
-        open_lane_ports({.host = host, .port = number_}, lanes, rt::RealtimeMode::kOff);
+    auto ports = open_lane_ports({.host = host, .port = number_}, lanes, rt::RealtimeMode::kOff);
     EXPECT_TRUE(ports) << ports.error().text();
     ports_ = std::move(*ports);
     transport_ = std::move(*open_udp_transport(called, number_, 0));

@@ -20,12 +20,12 @@
 #include <vector>
 
 #include "frames.hpp"
+#include "os/linux/port_wait_set.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/os.hpp"
 #include "rtpm/test/syscall_counter.hpp"
 #include "rtpm/transport/client_transport.hpp"
-#include "os/linux/port_wait_set.hpp"
 #include "rtpm/transport/tcp.hpp"
 
 // One suite for every implementation of WaitSet, with few and many sources, with and without a

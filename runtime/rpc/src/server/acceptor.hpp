@@ -11,9 +11,9 @@
 #include "lane/lane.hpp"
 #include "rtpm/rt/report.hpp"
 #include "rtpm/rt/thread.hpp"
-#include "rtpm/transport/wait_set.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/tcp.hpp"
+#include "rtpm/transport/wait_set.hpp"
 #include "security/exposure.hpp"
 
 namespace rtpm::rpc {

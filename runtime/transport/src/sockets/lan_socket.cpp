@@ -70,8 +70,7 @@ expected<LanSocket, SetupError> LanSocket::open(const std::string& address, std:
   const SocketAddress name = SocketAddress::of_ipv4(ntohl(own.s_addr), port);
   const bool is_set =
       socket.is_open() && (port == 0 || set_option(number, SOL_SOCKET, SO_REUSEADDR, 1)) &&
-      os::hear_joined_groups_only(number) &&
-      set_option(number, IPPROTO_IP, IP_MULTICAST_TTL, 1) &&
+      os::hear_joined_groups_only(number) && set_option(number, IPPROTO_IP, IP_MULTICAST_TTL, 1) &&
       set_option(number, IPPROTO_IP, IP_MULTICAST_IF, own) && bind_to(number, name) == 0;
   if (!is_set) return failed("UDP " + address + ":" + std::to_string(port) + " can't be used");
   return LanSocket(std::move(socket));
@@ -83,11 +82,9 @@ expected<LanSocket, SetupError> LanSocket::join(const std::string& group, std::u
   const int number = socket.number();
   ip_mreq membership{};
   inet_pton(AF_INET, group.c_str(), &membership.imr_multiaddr);
-  const SocketAddress name =
-      SocketAddress::of_ipv4(ntohl(membership.imr_multiaddr.s_addr), port);
+  const SocketAddress name = SocketAddress::of_ipv4(ntohl(membership.imr_multiaddr.s_addr), port);
   const bool is_set = socket.is_open() && set_option(number, SOL_SOCKET, SO_REUSEADDR, 1) &&
-                      os::hear_joined_groups_only(number) &&
-                      bind_to(number, name) == 0;
+                      os::hear_joined_groups_only(number) && bind_to(number, name) == 0;
   if (!is_set) return failed("multicast group " + group + " can't be used");
   for (const NetworkInterface& interface : interfaces) {
     inet_pton(AF_INET, interface.address.c_str(), &membership.imr_interface);
@@ -108,9 +105,8 @@ ConstBytes LanSocket::receive(MutableBytes buffer, LanPeer& from) noexcept {
   from = {};
   SocketAddress name;
   socklen_t size = SocketAddress::kSizeMax;
-  const std::ptrdiff_t count =
-      recvfrom(socket_.number(), buffer.data(), buffer.size(), MSG_DONTWAIT | MSG_TRUNC,
-               native(name), &size);
+  const std::ptrdiff_t count = recvfrom(socket_.number(), buffer.data(), buffer.size(),
+                                        MSG_DONTWAIT | MSG_TRUNC, native(name), &size);
   if (count < 0) return {};
   from = {name.ipv4(), name.port()};
   const auto length = static_cast<std::size_t>(count);

@@ -112,8 +112,9 @@ bool FrameStream::has_spare_capacity(std::size_t size) noexcept {
 
 expected<void, IoError> FrameStream::send(ConstBytes frame, MonotonicTime until) noexcept {
   while (true) {
-    const std::ptrdiff_t count = ::send(socket_.number(), frame.data(),
-                                 std::min(frame.size(), kStepSizeMax), MSG_DONTWAIT | MSG_NOSIGNAL);
+    const std::ptrdiff_t count =
+        ::send(socket_.number(), frame.data(), std::min(frame.size(), kStepSizeMax),
+               MSG_DONTWAIT | MSG_NOSIGNAL);
     if (count >= 0) {
       frame = frame.subspan(static_cast<std::size_t>(count));
       if (frame.empty()) return {};

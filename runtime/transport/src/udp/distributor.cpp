@@ -62,8 +62,9 @@ expected<std::shared_ptr<Distributor>, SetupError> Distributor::start(
   if (!end) return unexpected{no_descriptor("a doorbell for the thread of a UDP port", errno)};
   std::shared_ptr<Distributor> started(
       new Distributor(std::move(socket), std::move(inboxes), std::move(*end)));
-  auto thread = rt::Thread::start({.name = "rtpm-steer", .priority = priority, .realtime = realtime},
-                                  [distributor = started.get()] { distributor->run(); });
+  auto thread =
+      rt::Thread::start({.name = "rtpm-steer", .priority = priority, .realtime = realtime},
+                        [distributor = started.get()] { distributor->run(); });
   if (!thread) return unexpected{std::move(thread.error())};
   started->thread_ = std::move(*thread);
   return started;

@@ -22,8 +22,7 @@ expected<std::vector<UdpPort>, SetupError> open_lane_ports(const UdpPortConfig& 
 }
 
 expected<std::vector<UdpPort>, SetupError> LanePorts::open_distributed(
-    const UdpPortConfig& config, std::span<const LanePortConfig> lanes,
-    rt::RealtimeMode realtime) {
+    const UdpPortConfig& config, std::span<const LanePortConfig> lanes, rt::RealtimeMode realtime) {
   const Priority highest = lanes.back().priority;
   auto first = UdpPort::open({config.host, config.port, highest, lanes.front().low, config.index});
   if (!first) return unexpected{std::move(first.error())};

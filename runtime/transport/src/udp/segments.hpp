@@ -18,11 +18,12 @@ void accept_segments(int socket, bool is_on) noexcept;
 /// Sends several datagrams, like sendmsg(2) for one.
 /// @param to    null if the socket is connected
 /// @param from  the local address to send from; null for the socket's, or by the route
-[[nodiscard]] std::ptrdiff_t send_segments(int socket, const SocketAddress* to, const SocketAddress* from,
-                                    const DatagramBatch& batch) noexcept;
+[[nodiscard]] std::ptrdiff_t send_segments(int socket, const SocketAddress* to,
+                                           const SocketAddress* from,
+                                           const DatagramBatch& batch) noexcept;
 /// Sends one datagram from the local address `from`.
-[[nodiscard]] std::ptrdiff_t send_from(int socket, const SocketAddress& to, const SocketAddress& from,
-                                ConstBytes datagram) noexcept;
+[[nodiscard]] std::ptrdiff_t send_from(int socket, const SocketAddress& to,
+                                       const SocketAddress& from, ConstBytes datagram) noexcept;
 /// Whether an error of send_segments() means that the path does not support batches but may support
 /// single datagrams.
 [[nodiscard]] bool means_no_batches(int error) noexcept;
@@ -48,7 +49,7 @@ template <class Send>
 /// @param to    may be null; without a family if the system does not report it
 /// @param each  receives the size of each datagram except the last
 [[nodiscard]] std::ptrdiff_t receive_datagrams(int socket, bool are_segments, MutableBytes buffer,
-                                        SocketAddress* from, SocketAddress* to, int flags,
-                                        std::size_t& each) noexcept;
+                                               SocketAddress* from, SocketAddress* to, int flags,
+                                               std::size_t& each) noexcept;
 
 }  // namespace rtpm::transport

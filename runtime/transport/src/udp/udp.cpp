@@ -5,9 +5,9 @@
 #include <cerrno>
 #include <utility>
 
+#include "os/native_socket.hpp"
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/url.hpp"
-#include "os/native_socket.hpp"
 #include "sockets/native.hpp"
 #include "sockets/own_host.hpp"
 #include "udp/distributor.hpp"
@@ -140,10 +140,10 @@ expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) no
   SocketAddress to;
   std::size_t each = 0;
   const bool is_any = locals_ != nullptr;
-  const std::ptrdiff_t count =
-      inbox_ ? inbox_->take(buffer, from, to, flags == 0, each)
-             : receive_datagrams(socket_.number(), estimator_.is_on(), buffer, &from,
-                                 is_any ? &to : nullptr, flags, each);
+  const std::ptrdiff_t count = inbox_
+                                   ? inbox_->take(buffer, from, to, flags == 0, each)
+                                   : receive_datagrams(socket_.number(), estimator_.is_on(), buffer,
+                                                       &from, is_any ? &to : nullptr, flags, each);
   if (count < 0) {
     const bool is_nothing = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
     estimator_.on_nothing();
@@ -178,17 +178,18 @@ bool UdpPort::wake() noexcept {
 
 expected<void, IoError> UdpPort::send(const wire::PeerAddress& peer, ConstBytes frame) noexcept {
   const auto to = SocketAddress::of(peer);
-  const std::ptrdiff_t count = own_.is_ipv4() && !locals_
-                            ? sendto(socket_.number(), frame.data(), frame.size(),
-                                     MSG_DONTWAIT | MSG_NOSIGNAL, native(to), sizeof(sockaddr_in))
-                            : send_as_asked(to.for_family(own_.family()), local_of(peer), frame);
+  const std::ptrdiff_t count =
+      own_.is_ipv4() && !locals_
+          ? sendto(socket_.number(), frame.data(), frame.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
+                   native(to), sizeof(sockaddr_in))
+          : send_as_asked(to.for_family(own_.family()), local_of(peer), frame);
   if (count == static_cast<std::ptrdiff_t>(frame.size())) return {};
   return unexpected{error_of_send(errno)};
 }
 
 // Sends from the address that the peer called.
 std::ptrdiff_t UdpPort::send_as_asked(const SocketAddress& to, const SocketAddress& local,
-                               ConstBytes frame) noexcept {
+                                      ConstBytes frame) noexcept {
   if (locals_ && local.family() != AF_UNSPEC) return send_from(socket_.number(), to, local, frame);
   return sendto(socket_.number(), frame.data(), frame.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
                 native(to), size_of(to));

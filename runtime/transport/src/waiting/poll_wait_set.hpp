@@ -66,8 +66,8 @@ class PollWaitSet : public WaitSet {
   os::Doorbell doorbell_;
   std::size_t source_count_max_;
   std::vector<Source> sources_;
-  Polled polled_;          ///< The doorbell and the sources of the wait in progress.
-  std::size_t next_ = 0;   ///< The entry that the next wait reports first.
+  Polled polled_;            ///< The doorbell and the sources of the wait in progress.
+  std::size_t next_ = 0;     ///< The entry that the next wait reports first.
   bool is_blocked_ = false;  ///< A wait that has released its lock is in progress.
   bool was_rung_ = false;
   std::uint64_t heard_count_ = 0;

@@ -55,8 +55,8 @@ SetupError level_refusal(const std::string& subject, int level, int error) {
   rlimit limit{};
   getrlimit(RLIMIT_RTPRIO, &limit);
   const std::error_code cause = system_error(error);
-  return {subject + " can't run at " + name_of_level(level) + " (" +
-              cause.message() + "; the limit is " + std::to_string(limit.rlim_cur) + ")",
+  return {subject + " can't run at " + name_of_level(level) + " (" + cause.message() +
+              "; the limit is " + std::to_string(limit.rlim_cur) + ")",
           "its latency is not bounded",
           is_group_without_realtime()
               ? "give the control group of this process (see: /proc/self/cgroup) some "

@@ -21,8 +21,8 @@ expected<PublicMemory, SetupError> PublicMemory::create(std::string_view name, s
   void* const begin =
       mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (begin == MAP_FAILED) {
-    return setup_error("memory 'rtpm-" + std::string(name) + "' can't be made",
-                       system_error(errno), "raise the limit of memory");
+    return setup_error("memory 'rtpm-" + std::string(name) + "' can't be made", system_error(errno),
+                       "raise the limit of memory");
   }
   PublicMemory memory;
   memory.bytes_ = {static_cast<std::byte*>(begin), size};

@@ -110,7 +110,8 @@ Thread::~Thread() {
 
 void Thread::join() noexcept {
   if (!handle_) return;
-  RTPM_ASSERT(pthread_equal(native(*handle_), pthread_self()) == 0, "a thread can't wait for its own end");
+  RTPM_ASSERT(pthread_equal(native(*handle_), pthread_self()) == 0,
+              "a thread can't wait for its own end");
   pthread_join(native(*handle_), nullptr);
   handle_.reset();
 }

@@ -43,8 +43,7 @@ class MergedDescriptor {
   virtual void ring() noexcept = 0;
   /// Returns the tags that are ready now. If there are more, it stays readable.
   /// @realtime one system call; one more after ring()
-  [[nodiscard]] virtual std::span<std::uint64_t> take(
-      std::span<std::uint64_t> ready) noexcept = 0;
+  [[nodiscard]] virtual std::span<std::uint64_t> take(std::span<std::uint64_t> ready) noexcept = 0;
 
   static constexpr std::uint64_t kTagMax = ~std::uint64_t{2};
 };

@@ -97,7 +97,7 @@ class UdpPort {
   void receive_from(std::shared_ptr<LaneInbox> inbox) noexcept;
   [[nodiscard]] bool open_waker() noexcept;
   [[nodiscard]] std::ptrdiff_t send_as_asked(const SocketAddress& to, const SocketAddress& local,
-                                      ConstBytes frame) noexcept;
+                                             ConstBytes frame) noexcept;
   [[nodiscard]] std::uint32_t index_of_local(const SocketAddress& to) noexcept;
   [[nodiscard]] const SocketAddress& local_of(const wire::PeerAddress& peer) const noexcept;
   [[nodiscard]] expected<Datagrams, IoError> receive(MutableBytes buffer, int flags) noexcept;

@@ -44,7 +44,7 @@ class EpollDescriptor final : public MergedDescriptor {
 };
 
 bool EpollDescriptor::control(int operation, int descriptor, std::uint32_t events,
-                               std::uint64_t tag) noexcept {
+                              std::uint64_t tag) noexcept {
   epoll_event event{};
   event.events = events;
   event.data.u64 = tag;
@@ -96,8 +96,8 @@ expected<std::unique_ptr<MergedDescriptor>, SetupError> MergedDescriptor::open()
   Descriptor alarm(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC));
   auto doorbell = os::Doorbell::open();
   if (epoll.is_open() && alarm.is_open() && doorbell) {
-    auto merged = std::make_unique<EpollDescriptor>(std::move(epoll), std::move(alarm),
-                                                    std::move(*doorbell));
+    auto merged =
+        std::make_unique<EpollDescriptor>(std::move(epoll), std::move(alarm), std::move(*doorbell));
     if (merged->watch_own()) return std::unique_ptr<MergedDescriptor>(std::move(merged));
   }
   return unexpected{no_descriptor("a descriptor that reports for others", errno)};

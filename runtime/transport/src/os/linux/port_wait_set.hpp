@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <memory>
 
-#include "rtpm/base/bytes.hpp"
 #include "os/linux/epoll_wait_set.hpp"
+#include "rtpm/base/bytes.hpp"
 #include "rtpm/transport/udp.hpp"
 
 namespace rtpm::transport {

@@ -29,8 +29,8 @@ class PolledDescriptor final : public MergedDescriptor {
     change_.ring();
   }
   [[nodiscard]] expected<void, SetupError> start() {
-    auto thread = rt::Thread::start(
-        {.name = "rtpm-merged", .realtime = rt::RealtimeMode::kOff}, [this] { run(); });
+    auto thread = rt::Thread::start({.name = "rtpm-merged", .realtime = rt::RealtimeMode::kOff},
+                                    [this] { run(); });
     if (!thread) return unexpected{std::move(thread.error())};
     thread_ = std::move(*thread);
     return {};

@@ -97,7 +97,7 @@ bool receive_destinations(int socket, const SocketAddress& own) noexcept {
 }
 
 std::ptrdiff_t send_segments(int socket, const SocketAddress* to, const SocketAddress* from,
-                      const DatagramBatch& batch) noexcept {
+                             const DatagramBatch& batch) noexcept {
   iovec part{.iov_base = const_cast<std::byte*>(batch.bytes().data()),
              .iov_len = batch.bytes().size()};
   msghdr message = message_of(part, to);
@@ -115,7 +115,7 @@ std::ptrdiff_t send_segments(int socket, const SocketAddress* to, const SocketAd
 }
 
 std::ptrdiff_t send_from(int socket, const SocketAddress& to, const SocketAddress& from,
-                  ConstBytes datagram) noexcept {
+                         ConstBytes datagram) noexcept {
   iovec part{.iov_base = const_cast<std::byte*>(datagram.data()), .iov_len = datagram.size()};
   msghdr message = message_of(part, &to);
   Control control;
@@ -129,12 +129,13 @@ bool means_no_batches(int error) noexcept {
   return error == EIO || error == EINVAL || error == EOPNOTSUPP || error == EMSGSIZE;
 }
 
-std::ptrdiff_t receive_datagrams(int socket, bool are_segments, MutableBytes buffer, SocketAddress* from,
-                          SocketAddress* to, int flags, std::size_t& each) noexcept {
+std::ptrdiff_t receive_datagrams(int socket, bool are_segments, MutableBytes buffer,
+                                 SocketAddress* from, SocketAddress* to, int flags,
+                                 std::size_t& each) noexcept {
   if (!are_segments && to == nullptr) {
     socklen_t size = SocketAddress::kSizeMax;
     const std::ptrdiff_t count = recvfrom(socket, buffer.data(), buffer.size(), flags,
-                                   from ? native(*from) : nullptr, from ? &size : nullptr);
+                                          from ? native(*from) : nullptr, from ? &size : nullptr);
     each = static_cast<std::size_t>(std::max<std::ptrdiff_t>(count, 0));
     return count;
   }

@@ -105,7 +105,8 @@ enum class File { kLiving, kStale, kForeign };
 
 File examine(const OpenFolder& folder, const char* name) {
   struct stat status {};
-  if (fstatat(folder.descriptor.number(), name, &status, AT_SYMLINK_NOFOLLOW) != 0) return File::kForeign;
+  if (fstatat(folder.descriptor.number(), name, &status, AT_SYMLINK_NOFOLLOW) != 0)
+    return File::kForeign;
   if (!S_ISSOCK(status.st_mode) || status.st_uid != geteuid()) return File::kForeign;
   if (std::strlen(name) > kFolderNameSizeMax) return File::kForeign;
   const Descriptor socket = make_folder_socket();
@@ -179,7 +180,8 @@ void FolderSocket::remove() noexcept {
 void FolderSocket::keep() {
   const auto folder = open_folder(folder_, /*makes=*/true);
   struct stat status {};
-  if (!folder || fstatat(folder->descriptor.number(), name_.c_str(), &status, AT_SYMLINK_NOFOLLOW) == 0) {
+  if (!folder ||
+      fstatat(folder->descriptor.number(), name_.c_str(), &status, AT_SYMLINK_NOFOLLOW) == 0) {
     return;
   }
   // A socket keeps its first name, so a new socket is created.
@@ -193,7 +195,8 @@ expected<FolderContent, SetupError> read_socket_folder(const std::string& folder
   FolderContent content;
   if (!opened->descriptor.is_open()) return content;
   // fdopendir() takes ownership of its descriptor.
-  const std::unique_ptr<DIR, int (*)(DIR*)> files(fdopendir(dup(opened->descriptor.number())), closedir);
+  const std::unique_ptr<DIR, int (*)(DIR*)> files(fdopendir(dup(opened->descriptor.number())),
+                                                  closedir);
   if (!files) return failed(folder, errno);
   std::size_t file_count = 0;
   while (const dirent* const file = readdir(files.get())) {
