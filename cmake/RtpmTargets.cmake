@@ -111,9 +111,9 @@ endif()
 
 # rtpm_library(NAME part [SOURCES …] [LINUX …] [PORTABLE …] [DARWIN …] [PUBLIC targets…] [PRIVATE targets…] [NOT_INSTALLED])
 # Makes rtpm_<part>, alias rtpm::<part>, with include/ public and src/ private. A library without sources is
-# header-only. LINUX and PORTABLE: the sources in that folder of src/os; DARWIN: those of `portable` that macOS has
-# its own for. Where tests are built on Linux, rtpm_<part>_portable has those of `portable`, see rtpm_portable_test.
-# NOT_INSTALLED: only programs of this tree use it. PUBLIC are the parts whose headers its own headers include:
+# header-only. LINUX and PORTABLE: the sources in that folder of src/os; DARWIN: those that macOS has in place of
+# one of `portable`, of the same name. Where tests are built on Linux, rtpm_<part>_portable has those of `portable`,
+# see rtpm_portable_test. NOT_INSTALLED: only programs of this tree use it. PUBLIC are the parts whose headers its own headers include:
 # because a target sees only what it links, an include that points up a floor does not compile.
 function(rtpm_library)
   cmake_parse_arguments(PARSE_ARGV 0 A "NOT_INSTALLED" "NAME" "SOURCES;LINUX;PORTABLE;DARWIN;PUBLIC;PRIVATE")
@@ -122,12 +122,11 @@ function(rtpm_library)
   endif()
   set(target rtpm_${A_NAME})
   if(A_SOURCES)
-    list(TRANSFORM A_LINUX PREPEND src/os/linux/)
-    list(TRANSFORM A_PORTABLE PREPEND src/os/portable/)
     string(TOUPPER ${RTPM_SYSTEM} system)
     if(APPLE)
       foreach(file ${A_DARWIN})
-        list(TRANSFORM A_PORTABLE REPLACE "^src/os/portable/${file}$" "src/os/darwin/${file}")
+        string(REPLACE /darwin/ /portable/ replaced ${file})
+        list(TRANSFORM A_PORTABLE REPLACE "^${replaced}$" "${file}")
       endforeach()
     endif()
     add_library(${target} ${A_SOURCES} ${A_${system}})  # Shared with BUILD_SHARED_LIBS.

@@ -116,6 +116,11 @@ it('a lost device opens an incident, which a person acknowledges', async () => {
 
   await system.devices.end('SIGKILL');
   await rows(anna, 'lab/arm0: lost').getByText('open').waitFor();
+  await until(
+    'all five are lost',
+    () => rows(anna, ': lost').count(),
+    (lost) => lost >= 5,
+  );
   await anna.getByRole('button', {name: /^Acknowledge all \d+…$/}).click();
   await anna.getByRole('button', {name: 'Acknowledge', exact: true}).click();
   await until('all is acknowledged', async () =>

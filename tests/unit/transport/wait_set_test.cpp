@@ -164,7 +164,7 @@ class WaitSetTest : public testing::TestWithParam<Way> {
   std::unique_ptr<ClientTransport> caller_;
   alignas(64) std::array<std::byte, Datagrams::kSizeMax> buffer_{};
   std::vector<Descriptor> idle_;
-  /// Of a lane's set on Linux.
+  /// For a lane's set on Linux.
   [[nodiscard]] bool only_polls() const {
     return static_cast<const PortWaitSet&>(*set_).only_polls();
   }

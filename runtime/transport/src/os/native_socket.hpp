@@ -9,7 +9,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/socket.hpp"
 
-/// What systems do with sockets beyond the BSD calls, or do differently. Errors are in errno.
+/// Calls that systems add to BSD's for sockets, or make differently. Errors are in errno.
 namespace rtpm::transport::os {
 
 /// Whether a socket's calls without MSG_DONTWAIT block.
