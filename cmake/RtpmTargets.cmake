@@ -109,12 +109,13 @@ else()
   set(RTPM_SYSTEM linux)
 endif()
 
-# rtpm_library(NAME part [SOURCES …] [LINUX …] [PORTABLE …] [DARWIN …] [PUBLIC targets…] [PRIVATE targets…] [NOT_INSTALLED])
+# rtpm_library(NAME part [SOURCES …] [LINUX …] [PORTABLE …] [DARWIN …] [PUBLIC targets…] [PRIVATE targets…]
+#   [NOT_INSTALLED])
 # Makes rtpm_<part>, alias rtpm::<part>, with include/ public and src/ private. A library without sources is
 # header-only. LINUX and PORTABLE: the sources in that folder of src/os; DARWIN: those that macOS has in place of
 # one of `portable`, of the same name. Where tests are built on Linux, rtpm_<part>_portable has those of `portable`,
-# see rtpm_portable_test. NOT_INSTALLED: only programs of this tree use it. PUBLIC are the parts whose headers its own headers include:
-# because a target sees only what it links, an include that points up a floor does not compile.
+# see rtpm_portable_test. NOT_INSTALLED: only programs of this tree use it. PUBLIC are the parts whose headers its
+# own headers include: because a target sees only what it links, an include that points up a floor does not compile.
 function(rtpm_library)
   cmake_parse_arguments(PARSE_ARGV 0 A "NOT_INSTALLED" "NAME" "SOURCES;LINUX;PORTABLE;DARWIN;PUBLIC;PRIVATE")
   if(A_UNPARSED_ARGUMENTS OR NOT A_NAME)
@@ -229,11 +230,16 @@ function(rtpm_test)
   endif()
 endfunction()
 
-# rtpm_portable_test(test [EXCEPT patterns…]): runs the test's cases once more, as portable.<test>, over the parts'
-# portable sources in place of Linux's; without those that show what only Linux offers. Its objects are the same.
+# rtpm_portable_test(test [TIMEOUT seconds] [EXCEPT patterns…]): runs the test's cases once more, as portable.<test>,
+# over the parts' portable sources in place of Linux's; without those that show what only Linux offers. Its objects
+# are the same.
 function(rtpm_portable_test test)
   cmake_parse_arguments(PARSE_ARGV 1 A "" "TIMEOUT" "EXCEPT")
-  if(NOT RTPM_SYSTEM STREQUAL "linux" OR BUILD_SHARED_LIBS OR CMAKE_VERSION VERSION_LESS 3.24)
+  if(NOT RTPM_SYSTEM STREQUAL "linux" OR BUILD_SHARED_LIBS)
+    return()
+  elseif(CMAKE_VERSION VERSION_LESS 3.24)
+    add_test(NAME portable.${test} COMMAND ${CMAKE_COMMAND} -E echo "[  SKIPPED ] needs CMake 3.24")
+    set_tests_properties(portable.${test} PROPERTIES LABELS portable SKIP_REGULAR_EXPRESSION "SKIPPED")
     return()
   endif()
   if(NOT A_TIMEOUT)

@@ -179,8 +179,7 @@ std::size_t end_of_block(std::string_view code, std::size_t open) {
 const std::vector<Exemption>& exemptions() {
   static const std::vector<Exemption> kExemptions{
       {"print", "protocol/base/src/assert.cpp", "prints the bug that ends the process"},
-      {"print", "runtime/rt/src/os/linux/cpu_latency.cpp",
-       "the one warning that CPUs may sleep deeply"},
+      {"print", "runtime/rt/src/cpu_latency.cpp", "the one warning that CPUs may sleep deeply"},
       {"print", "runtime/rt/src/log.cpp", "the log of programs, for threads that are time-shared"},
       {"print", "runtime/rt/src/memory.cpp", "the one warning that memory is not locked"},
       {"print", "runtime/rt/src/report.cpp", "warnings of threads that are no lanes'"},

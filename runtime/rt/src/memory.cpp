@@ -2,7 +2,6 @@
 
 #include <atomic>
 #include <cstdio>
-#include <optional>
 
 #include "os/memory_lock.hpp"
 #include "rtpm/base/assert.hpp"
@@ -30,12 +29,12 @@ expected<void, SetupError> lock_memory(RealtimeMode mode) {
     note_setup({kLockSubject, Grant::kNotAsked, "memory is not locked", ""});
     return {};
   }
-  const std::optional<os::LockRefusal> refused = os::lock_all_memory();
-  if (!refused) {
+  const auto locked = os::lock_all_memory();
+  if (locked) {
     note_setup({kLockSubject, Grant::kGranted, "what is touched stays in memory", ""});
     return {};
   }
-  const SetupError refusal{refused->what, {}, refused->remedy};
+  const SetupError& refusal = locked.error();
   if (mode == RealtimeMode::kRequire) return unexpected{refusal};
   note_setup({kLockSubject, Grant::kRefused, refusal.what, refusal.remedy});
   static std::atomic<bool> is_told{false};

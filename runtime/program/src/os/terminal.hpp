@@ -11,7 +11,7 @@
 /// The operating system's side of standard input and the terminal.
 namespace rtpm::program::os {
 
-/// The columns of the terminal at standard output; 0 if it is none, or tells none.
+/// The columns of the terminal at standard output; 0 if that is unknown.
 [[nodiscard]] std::size_t terminal_width() noexcept;
 
 enum class InputEnd : std::uint8_t { kNone, kEnd };

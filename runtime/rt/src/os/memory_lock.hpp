@@ -1,18 +1,13 @@
 #pragma once
 
-#include <optional>
-#include <string>
+#include "rtpm/base/setup_error.hpp"
 
 namespace rtpm::rt::os {
 
-struct LockRefusal {
-  std::string what;  ///< The refusal with its cause.
-  std::string remedy;
-};
-
 /// Locks all current and future memory of the process once it is touched, and keeps freed heap
-/// mapped; nullopt if that is granted.
+/// mapped.
 /// @realtime set-up only
-[[nodiscard]] std::optional<LockRefusal> lock_all_memory();
+/// @errors   the limit is too small; the system has no such right
+[[nodiscard]] expected<void, SetupError> lock_all_memory();
 
 }  // namespace rtpm::rt::os

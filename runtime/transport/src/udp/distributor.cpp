@@ -11,47 +11,42 @@
 
 namespace rtpm::transport {
 
-LaneInbox::LaneInbox(Priority low, os::Doorbell doorbell)
-    : low_(low), doorbell_(std::move(doorbell)), slots_(kSlotCount) {}
-
 bool LaneInbox::put(const SocketAddress& from, const SocketAddress& to,
                     ConstBytes datagram) noexcept {
-  const std::size_t put = put_.load(std::memory_order_relaxed);
-  if (put - taken_.load(std::memory_order_acquire) == kSlotCount) return false;
-  Slot& slot = slots_[put % kSlotCount];
-  slot.from = from;
-  slot.to = to;
-  slot.size = std::min(datagram.size(), slot.bytes.size());
-  if (slot.size > 0) std::memcpy(slot.bytes.data(), datagram.data(), slot.size);
-  // SYNC POINT inbox-bell: either the lane sees this datagram before it sleeps, or the bell rings.
-  put_.store(put + 1, std::memory_order_seq_cst);
-  if (!is_rung_.exchange(true, std::memory_order_seq_cst)) doorbell_.ring();
+  LaneDatagram kept{.from = from, .to = to};
+  kept.size = std::min(datagram.size(), kept.bytes.size());
+  if (kept.size > 0) std::memcpy(kept.bytes.data(), datagram.data(), kept.size);
+  if (!datagrams_.push(kept)) return false;
+  ring_unless_rung();
   return true;
+}
+
+// SYNC POINT inbox-bell: is_rung_ changes by exchanges only, so either a put after take()'s sees
+// false and rings, or take() sees that put's datagram.
+void LaneInbox::ring_unless_rung() noexcept {
+  if (!is_rung_.exchange(true, std::memory_order_acq_rel)) doorbell_.ring();
 }
 
 std::ptrdiff_t LaneInbox::take(MutableBytes buffer, SocketAddress& from, SocketAddress& to,
                                bool waits, std::size_t& size) noexcept {
-  if (is_empty()) {
+  auto datagram = datagrams_.pop();
+  if (!datagram) {
     if (waits) static_cast<void>(wait_readable(descriptor(), rt::now() + kBlockTime));
+    doorbell_.clear();
     // SYNC POINT inbox-bell
-    if (is_rung_.load(std::memory_order_relaxed)) {
-      doorbell_.clear();
-      is_rung_.store(false, std::memory_order_seq_cst);
-    }
-    if (is_empty()) {
-      errno = EAGAIN;
-      return -1;
-    }
-    // The datagrams that are there already rang, and more may be there than one.
-    if (!is_rung_.exchange(true, std::memory_order_seq_cst)) doorbell_.ring();
+    is_rung_.exchange(false, std::memory_order_acq_rel);
+    datagram = datagrams_.pop();
+    // There may be more, whose bell is cleared.
+    if (datagram) ring_unless_rung();
   }
-  const std::size_t taken = taken_.load(std::memory_order_relaxed);
-  const Slot& slot = slots_[taken % kSlotCount];
-  from = slot.from;
-  to = slot.to;
-  size = std::min(slot.size, buffer.size());
-  if (size > 0) std::memcpy(buffer.data(), slot.bytes.data(), size);
-  taken_.store(taken + 1, std::memory_order_release);
+  if (!datagram) {
+    errno = EAGAIN;
+    return -1;
+  }
+  from = datagram->from;
+  to = datagram->to;
+  size = std::min(datagram->size, buffer.size());
+  if (size > 0) std::memcpy(buffer.data(), datagram->bytes.data(), size);
   return static_cast<std::ptrdiff_t>(size);
 }
 

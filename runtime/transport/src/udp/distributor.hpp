@@ -6,16 +6,27 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "os/doorbell.hpp"
 #include "rtpm/base/bytes.hpp"
+#include "rtpm/base/ring.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"
 
 namespace rtpm::transport {
+
+/// A datagram with its sender and the address at which it arrived.
+struct LaneDatagram {
+  SocketAddress from{};
+  SocketAddress to{};
+  std::size_t size = 0;
+  // One byte more than the largest frame, to detect larger datagrams.
+  std::array<std::byte, wire::kDatagramFrameSizeMax + 1> bytes{};
+};
 
 /// The datagrams that a Distributor has handed to one lane and the lane has not taken yet.
 /// @threads   put(): the distributor; the rest: one at a time
@@ -25,7 +36,8 @@ class LaneInbox {
   /// Holds a burst while the lane runs a long call.
   static constexpr std::size_t kSlotCount = 256;
 
-  LaneInbox(Priority low, os::Doorbell doorbell);
+  LaneInbox(Priority low, os::Doorbell doorbell) noexcept
+      : low_(low), doorbell_(std::move(doorbell)) {}
 
   [[nodiscard]] Priority low() const noexcept { return low_; }
   /// Readable while there are datagrams.
@@ -38,22 +50,11 @@ class LaneInbox {
                                     bool waits, std::size_t& size) noexcept;
 
  private:
-  struct Slot {
-    SocketAddress from;
-    SocketAddress to;
-    std::size_t size = 0;
-    // One byte more than the largest frame, to detect larger datagrams.
-    std::array<std::byte, wire::kDatagramFrameSizeMax + 1> bytes;
-  };
-  [[nodiscard]] bool is_empty() const noexcept {
-    return taken_.load(std::memory_order_relaxed) == put_.load(std::memory_order_seq_cst);
-  }
+  void ring_unless_rung() noexcept;
 
   Priority low_;
   os::Doorbell doorbell_;
-  std::vector<Slot> slots_;
-  alignas(64) std::atomic<std::size_t> put_{0};
-  alignas(64) std::atomic<std::size_t> taken_{0};
+  SpscRing<LaneDatagram, kSlotCount> datagrams_{};
   std::atomic<bool> is_rung_{false};
 };
 

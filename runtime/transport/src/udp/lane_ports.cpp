@@ -52,7 +52,7 @@ expected<std::vector<UdpPort>, SetupError> LanePorts::open_distributed(
   if (!distributor) return unexpected{std::move(distributor.error())};
   // Each port keeps the distributor alive.
   for (std::size_t i = 0; i < ports.size(); ++i)
-    ports[i].receive_from(std::shared_ptr<LaneInbox>(*distributor, &(*distributor)->inbox(i)));
+    ports[i].inbox_ = std::shared_ptr<LaneInbox>(*distributor, &(*distributor)->inbox(i));
   return ports;
 }
 

@@ -53,7 +53,6 @@ SetupError no_socket(const std::string& name) {
 
 UdpPort::UdpPort(Descriptor socket, const SocketAddress& own, const UdpPortConfig& config)
     : socket_(std::move(socket)),
-      readable_(socket_.number()),
       low_(config.low),
       own_(own),
       index_(std::uint32_t{config.index} << kLocalShift) {
@@ -87,9 +86,8 @@ expected<UdpPort, SetupError> UdpPort::open(const UdpPortConfig& config, bool jo
   return opened;
 }
 
-void UdpPort::receive_from(std::shared_ptr<LaneInbox> inbox) noexcept {
-  readable_ = inbox->descriptor();
-  inbox_ = std::move(inbox);
+int UdpPort::descriptor() const noexcept {
+  return inbox_ ? inbox_->descriptor() : socket_.number();
 }
 
 bool UdpPort::open_waker() noexcept {

@@ -31,8 +31,8 @@ PollWaitSet::BlockScope::~BlockScope() {
 PollWaitSet::PollWaitSet(std::size_t source_count_max, os::Doorbell doorbell)
     : doorbell_(std::move(doorbell)), source_count_max_(source_count_max) {
   sources_.reserve(source_count_max);
-  polled_.entries.reserve(source_count_max + 1);
-  polled_.tags.reserve(source_count_max + 1);
+  entries_.reserve(source_count_max + 1);
+  tags_.reserve(source_count_max + 1);
 }
 
 bool PollWaitSet::has_room_for(int descriptor) const noexcept {
@@ -70,29 +70,28 @@ std::size_t PollWaitSet::wait(MonotonicTime until, std::span<SourceTag> ready,
                               WaitLock* held) noexcept {
   RTPM_ASSERT(!ready.empty(), "a wait reports at least one source");
   begin_wait();
-  auto& [entries, tags] = polled_;
-  entries.clear();
-  tags.clear();
-  entries.push_back({.fd = doorbell_.descriptor(), .events = POLLIN, .revents = 0});
-  tags.push_back(kDoorbell);
+  entries_.clear();
+  tags_.clear();
+  entries_.push_back({.fd = doorbell_.descriptor(), .events = POLLIN, .revents = 0});
+  tags_.push_back(kDoorbell);
   for (const Source& source : sources_) {
-    entries.push_back({.fd = source.descriptor, .events = POLLIN, .revents = 0});
-    tags.push_back(source.tag);
+    entries_.push_back({.fd = source.descriptor, .events = POLLIN, .revents = 0});
+    tags_.push_back(source.tag);
   }
   int ready_count = 0;
   {
     const BlockScope scope(*this, until, held);
-    ready_count = os::poll_until(entries, until);
+    ready_count = os::poll_until(entries_, until);
   }
   RTPM_ASSERT(ready_count >= 0 || errno == EINTR, "there is nothing wrong with the descriptors");
   std::size_t count = 0;
   const std::size_t first = next_;
-  for (std::size_t i = 0; i < entries.size() && ready_count > 0 && count < ready.size(); ++i) {
-    const std::size_t index = (first + i) % entries.size();
-    if (entries[index].revents == 0) continue;
+  for (std::size_t i = 0; i < entries_.size() && ready_count > 0 && count < ready.size(); ++i) {
+    const std::size_t index = (first + i) % entries_.size();
+    if (entries_[index].revents == 0) continue;
     --ready_count;
-    if (index == 0 ? has_rung() : is_present(entries[index], tags[index])) {
-      ready[count++] = tags[index];
+    if (index == 0 ? has_rung() : is_present(entries_[index], tags_[index])) {
+      ready[count++] = tags_[index];
       next_ = index + 1;
     }
   }

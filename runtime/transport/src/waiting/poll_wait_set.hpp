@@ -58,15 +58,12 @@ class PollWaitSet : public WaitSet {
  private:
   [[nodiscard]] bool is_present(const pollfd& entry, SourceTag tag) noexcept;
 
-  /// A source as a wait polls it.
-  struct Polled {
-    std::vector<pollfd> entries{};
-    std::vector<SourceTag> tags{};
-  };
   os::Doorbell doorbell_;
   std::size_t source_count_max_;
   std::vector<Source> sources_;
-  Polled polled_;            ///< The doorbell and the sources of the wait in progress.
+  // The doorbell and the sources, as the wait in progress polls them.
+  std::vector<pollfd> entries_{};
+  std::vector<SourceTag> tags_{};
   std::size_t next_ = 0;     ///< The entry that the next wait reports first.
   bool is_blocked_ = false;  ///< A wait that has released its lock is in progress.
   bool was_rung_ = false;

@@ -6,7 +6,7 @@
 #include <intrin.h>
 #endif
 
-/// The wishes to a compiler that C++ has no words for; here alone the code differs by compiler.
+/// Requests to the compiler that C++ can't express. No other file differs by compiler.
 namespace rtpm::inline base {
 
 /// Prefetches the cache line at `address` for writing.

@@ -310,7 +310,7 @@ class Stream {
   struct Begun {
     explicit Begun(expected<S, rpc::CallError> begun) : stream(std::move(begun)) {}
     expected<S, rpc::CallError> stream;
-    rpc::CallNumber wait = 0;  ///< The open async_next(); 0 if there is none.
+    rpc::CallNumber wait = 0;  ///< The open async_next(), or 0.
   };
   using Operation = detail::Operation<ErrorCode, Item>;
 

@@ -147,7 +147,7 @@ expected<Security, std::error_code> security_of(Number file) {
   return security;
 }
 
-/// The first user with one of the rights that is not trusted; empty if there is none.
+/// The first untrusted user who has one of the rights; empty if nobody has.
 std::string other_with(const ACL* list, DWORD rights, std::vector<Sid>& trusted) {
   if (list == nullptr) return "everybody";
   for (DWORD i = 0; i < list->AceCount; ++i) {

@@ -37,7 +37,7 @@ std::string text_of(const std::string& cause) {
 
 }  // namespace
 
-std::optional<LockRefusal> lock_all_memory() {
+expected<void, SetupError> lock_all_memory() {
   // Memory that malloc returned to the kernel would page-fault when needed again.
   mallopt(M_TRIM_THRESHOLD, -1);
   mallopt(M_MMAP_MAX, 0);
@@ -45,12 +45,12 @@ std::optional<LockRefusal> lock_all_memory() {
   // before the first one. Threads touch their stacks when they start, and containers their
   // elements.
   if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0) {
-    return LockRefusal{text_of(std::strerror(errno)), kRemedy};
+    return unexpected{SetupError{text_of(std::strerror(errno)), {}, kRemedy}};
   }
-  if (has_room_to_grow()) return std::nullopt;
+  if (has_room_to_grow()) return {};
   // Worse than page faults: from here on the program could allocate no memory and start no thread.
   munlockall();
-  return LockRefusal{text_of("there would be no room to grow"), kRemedy};
+  return unexpected{SetupError{text_of("there would be no room to grow"), {}, kRemedy}};
 }
 
 }  // namespace rtpm::rt::os

@@ -109,37 +109,6 @@ expected<PublicMemory, SetupError> PublicMemory::create(std::string_view name, s
   return memory;
 }
 
-PublicMemory::PublicMemory(PublicMemory&& other) noexcept
-    : file_(std::exchange(other.file_, -1)), bytes_(std::exchange(other.bytes_, {})) {}
-
-PublicMemory& PublicMemory::operator=(PublicMemory&& other) noexcept {
-  std::swap(file_, other.file_);
-  std::swap(bytes_, other.bytes_);
-  return *this;
-}
-
-PublicMemory::~PublicMemory() {
-  unmap(bytes_);
-  close_file(file_);
-}
-
-PublicView::PublicView(PublicView&& other) noexcept
-    : process_id_(other.process_id_),
-      process_folder_(std::exchange(other.process_folder_, -1)),
-      bytes_(std::exchange(other.bytes_, {})) {}
-
-PublicView& PublicView::operator=(PublicView&& other) noexcept {
-  std::swap(process_id_, other.process_id_);
-  std::swap(process_folder_, other.process_folder_);
-  std::swap(bytes_, other.bytes_);
-  return *this;
-}
-
-PublicView::~PublicView() {
-  unmap(bytes_);
-  close_file(process_folder_);
-}
-
 bool PublicView::is_alive() const noexcept {
   return faccessat(process_folder_, "stat", F_OK, 0) == 0;
 }

@@ -2,11 +2,12 @@
 
 namespace rtpm::rt::os {
 
-std::optional<LockRefusal> lock_all_memory() {
-  return LockRefusal{
+expected<void, SetupError> lock_all_memory() {
+  return unexpected{SetupError{
       "memory can't be locked (this system locks none as it is touched): page faults may delay "
       "real-time threads",
-      "say --realtime off, or prefer."};
+      {},
+      "say --realtime off, or prefer."}};
 }
 
 }  // namespace rtpm::rt::os

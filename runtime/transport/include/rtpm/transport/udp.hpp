@@ -70,7 +70,7 @@ class UdpPort {
   [[nodiscard]] expected<void, IoError> send_batch(const wire::PeerAddress& peer,
                                                    const DatagramBatch& batch) noexcept;
   /// The descriptor that is readable while there are datagrams.
-  [[nodiscard]] int descriptor() const noexcept { return readable_; }
+  [[nodiscard]] int descriptor() const noexcept;
 
   /// The host of a peer; this_host() if its address is loopback, or the one that it called.
   /// @realtime a few ns
@@ -93,8 +93,6 @@ class UdpPort {
   UdpPort(Descriptor socket, const SocketAddress& own, const UdpPortConfig& config);
   /// @param joins  an additional socket on a server's port, not the first one
   [[nodiscard]] static expected<UdpPort, SetupError> open(const UdpPortConfig& config, bool joins);
-  /// Receives from the inbox from now on, instead of from the socket.
-  void receive_from(std::shared_ptr<LaneInbox> inbox) noexcept;
   [[nodiscard]] bool open_waker() noexcept;
   [[nodiscard]] std::ptrdiff_t send_as_asked(const SocketAddress& to, const SocketAddress& local,
                                              ConstBytes frame) noexcept;
@@ -104,9 +102,8 @@ class UdpPort {
 
   Descriptor socket_;
   std::shared_ptr<LaneInbox> inbox_{};  ///< Null if the lane receives from its socket.
-  int readable_ = -1;
-  Descriptor waker_;                ///< Connected to the port.
-  wire::PeerAddress waker_peer_{};  ///< The sender address of its datagrams.
+  Descriptor waker_;                    ///< Connected to the port.
+  wire::PeerAddress waker_peer_{};      ///< The sender address of its datagrams.
   Priority low_;
   SocketAddress own_;
   std::uint32_t index_;                       ///< The port's index, stored in each peer.

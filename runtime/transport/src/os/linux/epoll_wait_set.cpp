@@ -24,15 +24,6 @@ timespec left_until(MonotonicTime until) noexcept {
 
 }  // namespace
 
-expected<std::unique_ptr<EpollWaitSet>, SetupError> EpollWaitSet::open(
-    std::size_t source_count_max) {
-  auto doorbell = os::Doorbell::open();
-  if (!doorbell) return unexpected{no_descriptor("an event for a thread's doorbell", errno)};
-  std::unique_ptr<EpollWaitSet> set(new EpollWaitSet(source_count_max, std::move(*doorbell)));
-  if (auto opened = set->open_epoll(); !opened) return unexpected{std::move(opened.error())};
-  return set;
-}
-
 expected<void, SetupError> EpollWaitSet::open_epoll() {
   epoll_ = Descriptor(epoll_create1(EPOLL_CLOEXEC));
   if (!epoll_.is_open() ||

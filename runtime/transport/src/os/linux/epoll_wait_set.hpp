@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -18,18 +17,15 @@ class EpollWaitSet : public PollWaitSet {
  public:
   static constexpr std::size_t kFewMax = 5;
 
+  using PollWaitSet::PollWaitSet;
+  /// Call it once, before anything else.
   /// @errors  no descriptor left; the system has no epoll_pwait2
-  [[nodiscard]] static expected<std::unique_ptr<EpollWaitSet>, SetupError> open(
-      std::size_t source_count_max);
+  [[nodiscard]] expected<void, SetupError> open_epoll();
 
   [[nodiscard]] bool add(int descriptor, SourceTag tag, Trigger trigger) noexcept override;
   void remove(int descriptor) noexcept override;
   [[nodiscard]] std::size_t wait(MonotonicTime until, std::span<SourceTag> ready,
                                  WaitLock* held = nullptr) noexcept override;
-
- protected:
-  using PollWaitSet::PollWaitSet;
-  [[nodiscard]] expected<void, SetupError> open_epoll();
 
  private:
   [[nodiscard]] std::size_t wait_for_many(MonotonicTime until, std::span<SourceTag> ready,

@@ -1,19 +1,10 @@
 #include "os/linux/port_wait_set.hpp"
 
-#include <cerrno>
 #include <utility>
 
 #include "rtpm/rt/budget.hpp"
 
 namespace rtpm::transport {
-
-expected<std::unique_ptr<PortWaitSet>, SetupError> PortWaitSet::open(std::size_t source_count_max) {
-  auto doorbell = os::Doorbell::open();
-  if (!doorbell) return unexpected{no_descriptor("an event for a lane's doorbell", errno)};
-  std::unique_ptr<PortWaitSet> set(new PortWaitSet(source_count_max, std::move(*doorbell)));
-  if (auto opened = set->open_epoll(); !opened) return unexpected{std::move(opened.error())};
-  return set;
-}
 
 bool PortWaitSet::add_port(UdpPort& port, MutableBytes buffer, SourceTag tag) noexcept {
   if (!WaitSet::add_port(port, buffer, tag)) return false;
@@ -95,19 +86,6 @@ void PortWaitSet::ring() noexcept {
   UdpPort* const port = receiving_.load(std::memory_order_seq_cst);
   if (port == nullptr) return doorbell().ring();
   if (port->wake()) sent_count_.fetch_add(1, std::memory_order_release);
-}
-
-expected<std::unique_ptr<WaitSet>, SetupError> WaitSet::open(std::size_t source_count_max) {
-  auto set = EpollWaitSet::open(source_count_max);
-  if (!set) return unexpected{std::move(set.error())};
-  return std::unique_ptr<WaitSet>(std::move(*set));
-}
-
-expected<std::unique_ptr<WaitSet>, SetupError> WaitSet::open_for_lane(
-    std::size_t source_count_max) {
-  auto set = PortWaitSet::open(source_count_max);
-  if (!set) return unexpected{std::move(set.error())};
-  return std::unique_ptr<WaitSet>(std::move(*set));
 }
 
 }  // namespace rtpm::transport

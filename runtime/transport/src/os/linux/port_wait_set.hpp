@@ -19,8 +19,7 @@ namespace rtpm::transport {
 /// the receive ends; from then on the set only polls.
 class PortWaitSet final : public EpollWaitSet {
  public:
-  [[nodiscard]] static expected<std::unique_ptr<PortWaitSet>, SetupError> open(
-      std::size_t source_count_max);
+  using EpollWaitSet::EpollWaitSet;
 
   [[nodiscard]] bool add_port(UdpPort& port, MutableBytes buffer, SourceTag tag) noexcept override;
   void remove(int descriptor) noexcept override;
@@ -32,7 +31,6 @@ class PortWaitSet final : public EpollWaitSet {
   [[nodiscard]] bool only_polls() const noexcept { return only_polls_; }
 
  private:
-  using EpollWaitSet::EpollWaitSet;
   [[nodiscard]] bool may_receive(MonotonicTime until) noexcept;
   [[nodiscard]] std::size_t wait_by_receiving(std::span<SourceTag> ready) noexcept;
   [[nodiscard]] std::size_t report_received(std::span<SourceTag> ready, WaitLock* held) noexcept;
