@@ -1,4 +1,5 @@
-# rtpm_generate(TARGET name SCHEMAS a.fbs … [INCLUDE dirs…] [LINK targets…] [CONFORM dir] [PYTHON dir])
+# rtpm_generate(TARGET name SCHEMAS a.fbs … [INCLUDE dirs…] [LINK targets…] [CONFORM dir] [PYTHON dir]
+#   [JAVA dir] [TYPESCRIPT dir])
 #
 # Builds the static library <name> from schemas. For each a.fbs, rtpmc generates the stubs and
 # skeletons of its rpc_services (a.rtpm.hpp, a.rtpm.functions.hpp, a.rtpm.cpp) and its events
@@ -11,6 +12,8 @@
 #            does not conform
 #   PYTHON   a folder that becomes a Python package with a module a_rtpm for each a.fbs; relative to
 #            the current folder of the build
+#   JAVA, TYPESCRIPT   folders for Java's packages, and for modules a.rtpm.ts; relative likewise. What a
+#            schema has no more stays there
 #
 # When cross-compiling, RTPM_HOST_RTPMC names an rtpmc that runs on the building machine.
 if(RTPM_INSTALLED_IDL_DIR)
@@ -40,7 +43,7 @@ function(rtpm_find_rtpmc command dependency)
 endfunction()
 
 function(rtpm_generate)
-  cmake_parse_arguments(PARSE_ARGV 0 A "" "TARGET;CONFORM;PYTHON" "SCHEMAS;INCLUDE;LINK")
+  cmake_parse_arguments(PARSE_ARGV 0 A "" "TARGET;CONFORM;PYTHON;JAVA;TYPESCRIPT" "SCHEMAS;INCLUDE;LINK")
   if(A_UNPARSED_ARGUMENTS OR NOT A_TARGET OR NOT A_SCHEMAS)
     message(FATAL_ERROR "rtpm_generate: TARGET and SCHEMAS are required and nothing unknown is taken; got '${ARGV}'")
   endif()
@@ -57,6 +60,11 @@ function(rtpm_generate)
     file(MAKE_DIRECTORY "${A_PYTHON}")
     file(TOUCH "${A_PYTHON}/__init__.py" "${A_PYTHON}/py.typed")
   endif()
+  foreach(folder A_JAVA A_TYPESCRIPT)
+    if(${folder})
+      cmake_path(ABSOLUTE_PATH ${folder} BASE_DIRECTORY "${CMAKE_CURRENT_BINARY_DIR}" NORMALIZE)
+    endif()
+  endforeach()
   set(generated "")
   foreach(schema IN LISTS A_SCHEMAS)
     cmake_path(ABSOLUTE_PATH schema BASE_DIRECTORY "${CMAKE_CURRENT_SOURCE_DIR}")
@@ -76,6 +84,14 @@ function(rtpm_generate)
       list(APPEND files "${A_PYTHON}/${module}_rtpm.py" "${A_PYTHON}/${module}_rtpm.pyi")
       set(python COMMAND "${rtpmc}" ${include_flags} --emit python -o "${A_PYTHON}" "${schema}")
     endif()
+    set(others "")
+    if(A_JAVA)  # Its files' names depend on the schema's content.
+      list(APPEND others COMMAND "${rtpmc}" ${include_flags} --emit java -o "${A_JAVA}" "${schema}")
+    endif()
+    if(A_TYPESCRIPT)
+      list(APPEND files "${A_TYPESCRIPT}/${stem}.rtpm.ts")
+      list(APPEND others COMMAND "${rtpmc}" ${include_flags} --emit typescript -o "${A_TYPESCRIPT}" "${schema}")
+    endif()
     # rtpmc comes first because its errors are better. flatc writes no file for a schema without types
     # of its own: the touch creates the promised output. The last command moves the part of flatc's
     # header that is slow to compile and rarely used to a source file.
@@ -83,6 +99,7 @@ function(rtpm_generate)
       OUTPUT ${files}
       COMMAND "${rtpmc}" ${include_flags} --cpp ${conform} --depfile "${out}/${stem}.d" -o "${out}" "${schema}"
       ${python}
+      ${others}
       COMMAND "${RTPM_FLATC}" --cpp --cpp-std c++17 --scoped-enums --gen-object-api ${include_flags} -o "${out}" "${schema}"
       COMMAND "${CMAKE_COMMAND}" -E touch "${out}/${stem}_generated.h"
       COMMAND "${rtpmc}" split-objects "${out}/${stem}_generated.h" "${out}/${stem}_generated.cpp"
@@ -107,7 +124,7 @@ function(rtpm_generate)
     set_target_properties(${A_TARGET} PROPERTIES EXPORT_NAME "${CMAKE_MATCH_1}")
     add_library(rtpm::${CMAKE_MATCH_1} ALIAS ${A_TARGET})
     set(headers ${generated})
-    list(FILTER headers EXCLUDE REGEX "\\.(cpp|pyi?)$")
+    list(FILTER headers EXCLUDE REGEX "\\.(cpp|pyi?|ts)$")
     set(needs rtpm::rpc ${A_LINK})
     if(NOT A_TARGET STREQUAL "rtpm_idl")
       list(APPEND needs rtpm_idl)

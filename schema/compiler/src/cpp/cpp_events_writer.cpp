@@ -9,6 +9,7 @@
 
 #include "cpp/cpp_names.hpp"
 #include "cpp/cpp_writer.hpp"
+#include "model/event_fields.hpp"
 #include "model/quantities.hpp"
 #include "model/verify_limits.hpp"
 #include "model/words.hpp"
@@ -19,110 +20,50 @@
 namespace rtpm::schema::cpp {
 namespace {
 
-// How deep a hub reads payloads, and how many fields it reads per event.
-constexpr std::size_t kSlotCountMax = 4;
-constexpr std::size_t kFieldCountMax = 256;
-
 const char* scalar_type(BaseType base) noexcept {
   constexpr std::array<const char*, 13> kNames{nullptr,   nullptr,   "kBool",  "kInt8",   "kUint8",
                                                "kInt16",  "kUint16", "kInt32", "kUint32", "kInt64",
                                                "kUint64", "kFloat",  "kDouble"};
-  const auto index = static_cast<std::size_t>(base);
-  return index < kNames.size() ? kNames[index] : nullptr;
+  return kNames[static_cast<std::size_t>(base)];
 }
 
-/// The scalars of an event's payload, outside arrays, vectors and unions, with their paths.
-class Numbers {
- public:
-  explicit Numbers(const Model& model) : model_(model) {}
-
-  std::vector<std::string> of(const Payload& payload) {
-    const std::size_t index = payload.struct_index.value_or(payload.table);
-    if (model_.objects[index].is_struct) {
-      add_struct(index, "", {}, 0);
-    } else {
-      add_table(index, "", {});
+std::string default_of(const Field& field) {
+  if (field.type.base == BaseType::kFloat || field.type.base == BaseType::kDouble) {
+    const std::string limits = "::std::numeric_limits<double>::";
+    if (std::isnan(field.default_real)) return limits + "quiet_NaN()";
+    if (std::isinf(field.default_real)) {
+      return (field.default_real < 0 ? "-" : "") + limits + "infinity()";
     }
-    return std::move(lines_);
+    return "double{" + number_text(field.default_real) + '}';
   }
-
- private:
-  using Slots = std::vector<std::uint16_t>;
-
-  void add_struct(std::size_t index, const std::string& lead, const Slots& slots,
-                  std::size_t offset) {
-    for (const Field& field : model_.objects[index].fields) {
-      const std::size_t at = offset + field.offset;
-      if (field.type.base == BaseType::kObject) {
-        add_struct(*field.type.index, lead + field.name + '.', slots, at);
-      } else {
-        add(field, lead, slots, at);
-      }
-    }
+  if (is_unsigned(field.type.base)) {
+    return "::std::uint64_t{" + std::to_string(static_cast<std::uint64_t>(field.default_integer)) +
+           "u}";
   }
-
-  void add_table(std::size_t index, const std::string& lead, const Slots& above) {
-    if (above.size() == kSlotCountMax) return;
-    for (const Field& field : model_.objects[index].fields) {
-      if (field.is_deprecated) continue;
-      Slots slots = above;
-      slots.push_back(field.id);
-      if (field.type.base != BaseType::kObject) {
-        add(field, lead, slots, 0);
-      } else if (model_.objects[*field.type.index].is_struct) {
-        add_struct(*field.type.index, lead + field.name + '.', slots, 0);
-      } else {
-        add_table(*field.type.index, lead + field.name + '.', slots);
-      }
-    }
+  // C++ has no literal for the smallest integer.
+  if (field.default_integer == std::numeric_limits<std::int64_t>::min()) {
+    return "::std::numeric_limits<::std::int64_t>::min()";
   }
+  return "::std::int64_t{" + std::to_string(field.default_integer) + '}';
+}
 
-  void add(const Field& field, const std::string& lead, const Slots& slots, std::size_t offset) {
-    const char* const type = scalar_type(field.type.base);
-    if (type == nullptr || lines_.size() == kFieldCountMax) return;
-    std::string text = "{.name = " + literal(lead + field.name) +
-                       ",\n       .type = ::rtpm::events::ScalarType::" + type +
-                       ",\n       .path = {";
-    if (!slots.empty()) {
-      text += ".slots = {";
-      for (std::size_t i = 0; i < slots.size(); ++i)
-        text += (i > 0 ? ", " : "") + std::to_string(slots[i]);
-      text += "}, .slot_count = " + std::to_string(slots.size()) + ", ";
-    }
-    text += ".offset = " + std::to_string(offset) + "}";
-    if (!slots.empty()) {
-      text += ",\n       .default_value = ::rtpm::events::Scalar::of(" + default_of(field) + ')';
-    }
-    lines_.push_back(text + '}');
+std::string field_descriptor(const EventField& field) {
+  std::string text = "{.name = " + literal(field.name) +
+                     ",\n       .type = ::rtpm::events::ScalarType::" + scalar_type(field.type) +
+                     ",\n       .path = {";
+  if (!field.slots.empty()) {
+    text += ".slots = {";
+    for (std::size_t i = 0; i < field.slots.size(); ++i)
+      text += (i > 0 ? ", " : "") + std::to_string(field.slots[i]);
+    text += "}, .slot_count = " + std::to_string(field.slots.size()) + ", ";
   }
-
-  static std::string default_of(const Field& field) {
-    if (field.type.base == BaseType::kFloat || field.type.base == BaseType::kDouble) {
-      const std::string limits = "::std::numeric_limits<double>::";
-      if (std::isnan(field.default_real)) return limits + "quiet_NaN()";
-      if (std::isinf(field.default_real)) {
-        return (field.default_real < 0 ? "-" : "") + limits + "infinity()";
-      }
-      return "double{" + number_text(field.default_real) + '}';
-    }
-    const bool is_unsigned =
-        field.type.base == BaseType::kBool || field.type.base == BaseType::kUint8 ||
-        field.type.base == BaseType::kUint16 || field.type.base == BaseType::kUint32 ||
-        field.type.base == BaseType::kUint64;
-    if (is_unsigned) {
-      return "::std::uint64_t{" +
-             std::to_string(static_cast<std::uint64_t>(field.default_integer)) + "u}";
-    }
-    // C++ has no literal for the smallest integer.
-    if (field.default_integer == std::numeric_limits<std::int64_t>::min()) {
-      return "::std::numeric_limits<::std::int64_t>::min()";
-    }
-    return "::std::int64_t{" + std::to_string(field.default_integer) + '}';
+  text += ".offset = " + std::to_string(field.offset) + "}";
+  if (!field.slots.empty()) {
+    text +=
+        ",\n       .default_value = ::rtpm::events::Scalar::of(" + default_of(*field.field) + ')';
   }
-
-  const Model& model_;
-  std::vector<std::string> lines_{};
-};
+  return text + '}';
+}
 
 std::string event(const Model& model, std::size_t index) {
   const Object& object = model.objects[index];
@@ -130,7 +71,7 @@ std::string event(const Model& model, std::size_t index) {
   const std::string type = payload_type(model, payload);
   const EventNames names = event_names(object.name);
   const std::string name(short_name(names.descriptor));
-  const std::vector<std::string> numbers = Numbers(model).of(payload);
+  const std::vector<EventField> numbers = event_fields(model, payload);
   const VerifyLimits limits = verify_limits(model, index);
   Documentation lines = object.documentation;
   for (std::string& line : quantities(model, payload, "payload"))
@@ -155,8 +96,8 @@ std::string event(const Model& model, std::size_t index) {
     text +=
         "  /// The numbers that filters can read.\n"
         "  static constexpr ::rtpm::events::FieldDescriptor kFields[] = {\n";
-    for (const std::string& number : numbers)
-      text += "      " + number + ",\n";
+    for (const EventField& number : numbers)
+      text += "      " + field_descriptor(number) + ",\n";
     text += "  };\n";
   }
   return text +

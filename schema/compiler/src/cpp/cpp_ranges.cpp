@@ -1,6 +1,6 @@
 #include "cpp/cpp_ranges.hpp"
 
-#include <algorithm>
+#include <cstddef>
 #include <string>
 
 #include "cpp/cpp_names.hpp"
@@ -25,39 +25,6 @@ std::size_t handled_as(const Payload& payload) {
 }
 
 }  // namespace
-
-Ranges::Ranges(const Model& model) : model_(model) {
-  // Types may contain one another in cycles, so iterate until nothing is added.
-  for (bool is_growing = true; is_growing;) {
-    is_growing = false;
-    for (std::size_t i = 0; i < model.objects.size(); ++i)
-      is_growing |= are_in(model.objects[i]) && objects_.insert(i).second;
-    for (std::size_t i = 0; i < model.enums.size(); ++i)
-      is_growing |= are_in(model.enums[i]) && unions_.insert(i).second;
-  }
-}
-
-bool Ranges::are_in(const Payload& request) const {
-  return request.kind != PayloadKind::kEmpty && objects_.contains(handled_as(request));
-}
-
-bool Ranges::are_in(const Type& type) const {
-  if (!type.index) return false;
-  if (type.has_object()) return objects_.contains(*type.index);
-  return type.innermost() == BaseType::kUnion && unions_.contains(*type.index);
-}
-
-bool Ranges::are_in(const Object& object) const {
-  return std::any_of(object.fields.begin(), object.fields.end(), [&](const Field& field) {
-    return !field.is_deprecated && (field.range || are_in(field.type));
-  });
-}
-
-bool Ranges::are_in(const Enum& enumeration) const {
-  return enumeration.is_union &&
-         std::any_of(enumeration.values.begin(), enumeration.values.end(),
-                     [&](const EnumValue& value) { return are_in(value.union_type); });
-}
 
 /// An expression that is true if the field is within its range.
 std::string Ranges::field_check(const Object& object, const Field& field) const {
@@ -94,7 +61,7 @@ std::string Ranges::field_check(const Object& object, const Field& field) const 
 std::string Ranges::definition(const Object& object) const {
   std::string checks;
   for (const Field& field : object.fields) {
-    if (field.is_deprecated || (!field.range && !are_in(field.type))) continue;
+    if (field.is_deprecated || (!field.range && !types_.has(field.type))) continue;
     checks += (checks.empty() ? "" : " &&\n         ") + field_check(object, field);
   }
   return object_head(object) + " {\n  return " + checks + ";\n}\n";
@@ -103,7 +70,7 @@ std::string Ranges::definition(const Object& object) const {
 std::string Ranges::definition(const Enum& enumeration) const {
   std::string text = union_head(enumeration) + " {\n  switch (type) {\n";
   for (const EnumValue& value : enumeration.values) {
-    if (!are_in(value.union_type)) continue;
+    if (!types_.has(value.union_type)) continue;
     text += "    case " + type_name(enumeration.name) + "::" + data_name(value.name) +
             ":\n      return rtpm_in_range(*static_cast<const " +
             type_name(model_.objects[*value.union_type.index].name) + "*>(value), check);\n";
@@ -121,12 +88,12 @@ std::string Ranges::functions() const {
   std::string heads;
   std::string bodies;
   for (const std::size_t index : reach.objects) {
-    if (!objects_.contains(index)) continue;
+    if (!types_.has_object(index)) continue;
     heads += object_head(model_.objects[index]) + ";\n";
     bodies += '\n' + definition(model_.objects[index]);
   }
   for (const std::size_t index : reach.enums) {
-    if (!unions_.contains(index)) continue;
+    if (!types_.has_union(index)) continue;
     heads += union_head(model_.enums[index]) + ";\n";
     bodies += '\n' + definition(model_.enums[index]);
   }

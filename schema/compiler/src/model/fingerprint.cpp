@@ -85,7 +85,9 @@ class TypeWriter {
     if (field.type.base == BaseType::kFloat || field.type.base == BaseType::kDouble) {
       text += " = " + number_text(field.default_real);
     } else if (field.type.base < BaseType::kFloat) {
-      text += " = " + std::to_string(field.default_integer);
+      text += " = " + (field.type.base == BaseType::kUint64
+                           ? std::to_string(static_cast<std::uint64_t>(field.default_integer))
+                           : std::to_string(field.default_integer));
     }
     for (const Attribute& attribute : field.attributes) {
       if (matters(attribute)) text += ' ' + attribute.name + ':' + attribute.value;

@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
+#include "model/spelling.hpp"
 #include "model/words.hpp"
 
 namespace rtpm::schema {
@@ -72,6 +74,15 @@ class Quantities {
   std::unordered_map<std::size_t, bool> says_something_{};
 };
 
+/// "0.0008" for 800.
+std::string seconds(std::uint32_t time_us) {
+  constexpr std::uint32_t kSecond_us = 1'000'000;
+  std::string text = std::to_string(kSecond_us + time_us % kSecond_us);
+  text.front() = '.';
+  text.erase(text.find_last_not_of(".0") + 1);
+  return std::to_string(time_us / kSecond_us) + text;
+}
+
 }  // namespace
 
 std::string quantity(const Field& field) {
@@ -105,6 +116,22 @@ std::string waiting_of(OnewayLevel level) {
       break;
   }
   return "waits until it ran";
+}
+
+std::string method_facts(const Method& method) {
+  std::string text;
+  if (method.is_idempotent) text += " Idempotent: may run twice.";
+  if (method.oneway) text += " Oneway: " + waiting_of(*method.oneway) + '.';
+  if (method.deadline_us) {
+    text += " Default deadline " + seconds(*method.deadline_us) + " s.";
+  }
+  if (method.role != Role::kCommand) {
+    text += " Needs the role " + std::string(spelling_of(method.role)) + '.';
+  }
+  if (method.max_size) {
+    text += " Request and reply have at most " + std::to_string(*method.max_size) + " bytes.";
+  }
+  return text;
 }
 
 std::string priority_facts(const Service& service) {

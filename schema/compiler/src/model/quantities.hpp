@@ -17,6 +17,9 @@ namespace rtpm::schema {
 
 /// How long the caller of a oneway waits: "waits until it ran".
 [[nodiscard]] std::string waiting_of(OnewayLevel level);
+/// The facts of a method for its callers, in sentences, each with a blank before it; empty if all is
+/// as usual.
+[[nodiscard]] std::string method_facts(const Method& method);
 /// The priority of a service's methods as a sentence; empty if it states none.
 [[nodiscard]] std::string priority_facts(const Service& service);
 

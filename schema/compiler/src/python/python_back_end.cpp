@@ -1,10 +1,9 @@
-#include <flatbuffers/util.h>
-
-#include <map>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "emit/name_scope.hpp"
+#include "emit/prose.hpp"
 #include "python/python_writer.hpp"
 #include "reading/foreign_text.hpp"
 #include "rtpm/schema/back_end.hpp"
@@ -16,44 +15,6 @@ namespace {
 
 // Raised when a package `rtpm` must have more than before to load a generated file.
 constexpr int kLevel = 1;
-
-/// The names of one scope, and the declarations that have them.
-class Scope {
- public:
-  explicit Scope(Diagnostics& errors) : errors_(errors) {}
-
-  /// @param what  "field `from_`"
-  void add(const std::string& name, std::string what, const Location& place) {
-    const auto [other, is_new] = names_.try_emplace(name, std::move(what), place);
-    if (is_new) return;
-    Diagnostic error{
-        place, what + " becomes `" + name + "` in Python, as " + other->second.first + " does",
-        "rename one of the two", std::nullopt};
-    if (other->second.second.line != 0)
-      error.note = Note{other->second.second, "the other is here"};
-    errors_.push_back(std::move(error));
-  }
-
- private:
-  Diagnostics& errors_;
-  std::map<std::string, std::pair<std::string, Location>> names_{};
-};
-
-/// `text` as UTF-8, which Python requires of its files and FlatBuffers not of comments.
-std::string utf_8(const std::string& text) {
-  std::string result;
-  const char* const end = text.c_str() + text.size();
-  for (const char* at = text.c_str(); at != end;) {
-    const char* const begin = at;
-    if (flatbuffers::FromUTF8(&at) >= 0) {
-      result.append(begin, at);
-    } else {
-      result += "\xEF\xBF\xBD";  // U+FFFD, for one byte.
-      at = begin + 1;
-    }
-  }
-  return result;
-}
 
 class PythonBackEnd final : public BackEnd {
  public:
@@ -74,8 +35,8 @@ class PythonBackEnd final : public BackEnd {
 
   [[nodiscard]] std::vector<GeneratedFile> generate(const Model& model) const override {
     const std::string name = python_module_name(model.file_stem);
-    return {{name + ".py", utf_8(module_text(model))},
-            {name + ".pyi", utf_8(python::stub(model, version_))}};
+    return {{name + ".py", emit::utf_8(module_text(model))},
+            {name + ".pyi", emit::utf_8(python::stub(model, version_))}};
   }
 
  private:
@@ -90,15 +51,13 @@ class PythonBackEnd final : public BackEnd {
 
   /// Included types take part: the module has their names, too.
   static void check_classes(const Model& model, Diagnostics& errors) {
-    Scope scope(errors);
+    emit::NameScope scope("Python", errors);
     for (const Object& object : model.objects) {
       if (!is_in_python(object)) continue;
-      scope.add(python_type_name(model, object.name),
-                (object.is_struct ? "struct `" : "table `") + object.name + '`', object.location);
+      scope.add(python_type_name(model, object.name), emit::described(object), object.location);
     }
     for (const Enum& enumeration : model.enums) {
-      scope.add(python_type_name(model, enumeration.name),
-                (enumeration.is_union ? "union `" : "enum `") + enumeration.name + '`',
+      scope.add(python_type_name(model, enumeration.name), emit::described(enumeration),
                 enumeration.location);
     }
     for (const Service& service : model.services) {
@@ -111,7 +70,7 @@ class PythonBackEnd final : public BackEnd {
 
   static void check_members(const Model& model, Diagnostics& errors) {
     for (const Object& object : model.objects) {
-      Scope scope(errors);
+      emit::NameScope scope("Python", errors);
       for (const Field& field : object.fields) {
         if (!is_in_python(field)) continue;
         scope.add(python_name(field.name), "field `" + field.name + '`', field.location);
@@ -119,12 +78,12 @@ class PythonBackEnd final : public BackEnd {
     }
     for (const Enum& enumeration : model.enums) {
       if (enumeration.is_union) continue;
-      Scope scope(errors);
+      emit::NameScope scope("Python", errors);
       for (const EnumValue& value : enumeration.values)
         scope.add(python_name(value.name), "value `" + value.name + '`', value.location);
     }
     for (const Service& service : model.services) {
-      Scope scope(errors);
+      emit::NameScope scope("Python", errors);
       for (const Method& method : service.methods)
         scope.add(python_name(method.name), "method `" + method.name + '`', method.location);
     }

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "emit/prose.hpp"
 #include "model/quantities.hpp"
 #include "model/spelling.hpp"
 #include "python/python_writer.hpp"
@@ -111,50 +112,12 @@ class Names {
   std::map<std::string, std::string> aliases_{};
 };
 
-/// "0.0008" for 800.
-std::string seconds(std::uint32_t time_us) {
-  constexpr std::uint32_t kSecond_us = 1'000'000;
-  std::string text = std::to_string(kSecond_us + time_us % kSecond_us);
-  text.front() = '.';
-  text.erase(text.find_last_not_of(".0") + 1);
-  return std::to_string(time_us / kSecond_us) + text;
-}
-
-std::string sentence_of(const Method& method) {
-  std::string text;
-  if (method.is_idempotent) text += " Idempotent: may run twice.";
-  if (method.oneway) text += " Oneway: " + waiting_of(*method.oneway) + '.';
-  if (method.deadline_us) {
-    text += " Default deadline " + seconds(*method.deadline_us) + " s.";
-  }
-  if (method.role != Role::kCommand) {
-    text += " Needs the role " + std::string(spelling_of(method.role)) + '.';
-  }
-  if (method.max_size) {
-    text += " Request and reply have at most " + std::to_string(*method.max_size) + " bytes.";
-  }
-  return text;
-}
-
-/// Adds `more` to `lines`, behind a blank line.
-void add_paragraph(Documentation& lines, const Documentation& more) {
-  if (!lines.empty() && !more.empty()) lines.emplace_back();
-  lines.insert(lines.end(), more.begin(), more.end());
-}
-
 /// A member's comment in one line: "x: the force along x (newton, -20 to 20)"; none if there is
 /// nothing to say.
 Documentation line_of(const std::string& name, const Documentation& documentation,
                       const std::string& quantity) {
-  std::string text;
-  for (const std::string& line : documentation) {
-    const std::size_t begin = line.find_first_not_of(" \t\r");
-    if (begin == std::string::npos) continue;
-    text += (text.empty() ? "" : " ");
-    text.append(line, begin, line.find_last_not_of(" \t\r") + 1 - begin);
-  }
-  if (!quantity.empty()) text = text.empty() ? quantity : text + " (" + quantity + ')';
-  return text.empty() ? Documentation{} : Documentation{name + ": " + text};
+  const std::string note = emit::member_note(documentation, quantity);
+  return note.empty() ? Documentation{} : Documentation{name + ": " + note};
 }
 
 class StubWriter {
@@ -249,7 +212,7 @@ class StubWriter {
               '\n';
     }
     Documentation lines = enumeration.documentation;
-    add_paragraph(lines, notes);
+    emit::add_paragraph(lines, notes);
     return class_text(python_type_name(model_, enumeration.name),
                       names_.module("enum") + (enumeration.is_bit_flags ? ".IntFlag" : ".IntEnum"),
                       lines, body);
@@ -288,7 +251,7 @@ class StubWriter {
     if (!body.empty()) body += text_of(init);
     names_.leave();
     Documentation lines = object.documentation;
-    add_paragraph(lines, notes);
+    emit::add_paragraph(lines, notes);
     return class_text(python_type_name(model_, object.name), base, lines, body);
   }
 
@@ -349,7 +312,7 @@ class StubWriter {
     const std::string name = python_type_name(model_, service.name);
     Documentation lines = service.documentation;
     if (const std::string facts = priority_facts(service); !facts.empty()) {
-      add_paragraph(lines, {facts});
+      emit::add_paragraph(lines, {facts});
     }
     std::set<std::string> members;
     for (const Method& method : service.methods)
@@ -398,14 +361,7 @@ class StubWriter {
     } else if (is_async) {
       head.head.insert(4, "async ");
     }
-    Documentation lines = method.documentation;
-    add_paragraph(lines, quantities(model_, method.request, "request"));
-    for (std::string& line : quantities(model_, method.reply, "reply"))
-      lines.push_back(std::move(line));
-    if (const std::string sentence = sentence_of(method); !sentence.empty()) {
-      add_paragraph(lines, {sentence});
-    }
-    const std::string docs = docstring(lines, "        ");
+    const std::string docs = docstring(emit::method_notes(model_, method), "        ");
     head.tail = " -> " + result + (docs.empty() ? ": ..." : ":");
     return text_of(head) + docs;
   }

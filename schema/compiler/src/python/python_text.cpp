@@ -3,34 +3,18 @@
 #include <iterator>
 #include <string>
 
+#include "emit/prose.hpp"
 #include "python/python_writer.hpp"
 
 namespace rtpm::schema::python {
+
+using emit::joined;
+using emit::kColumnMax;
+using emit::wrapped;
+
 namespace {
 
-constexpr std::size_t kColumnMax = 100;
 constexpr const char* kQuotes = "\"\"\"";
-
-std::string joined(const std::vector<std::string>& parts, const std::string& separator) {
-  std::string text;
-  for (const std::string& part : parts)
-    text += (text.empty() ? "" : separator) + part;
-  return text;
-}
-
-/// Breaks a line at blanks, where it is longer than `size_max`.
-Documentation wrapped(std::string line, std::size_t size_max) {
-  Documentation lines;
-  while (line.size() > size_max) {
-    std::size_t blank = line.rfind(' ', size_max);
-    if (blank == std::string::npos || blank == 0) blank = line.find(' ', size_max);
-    if (blank == std::string::npos) break;
-    lines.push_back(line.substr(0, blank));
-    line.erase(0, blank + 1);
-  }
-  lines.push_back(line);
-  return lines;
-}
 
 }  // namespace
 

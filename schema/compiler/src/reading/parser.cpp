@@ -5,8 +5,11 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstdint>
 #include <memory>
+#include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -82,6 +85,26 @@ Diagnostic describe_failure(const flatbuffers::Parser& parser, const SourceFile&
   return diagnostic_of(error, main_source, parser);
 }
 
+/// The parser's reflection. That has defaults as signed numbers, and would have 0 for one that is
+/// larger; the model takes the same bits for an unsigned number.
+std::vector<std::uint8_t> serialized(flatbuffers::Parser& parser) {
+  for (const flatbuffers::StructDef* type : parser.structs_.vec) {
+    for (flatbuffers::FieldDef* field : type->fields.vec) {
+      std::string& number = field->value.constant;
+      std::uint64_t value = 0;
+      if (field->value.type.base_type != flatbuffers::BASE_TYPE_ULONG) continue;
+      const auto [end, error] =
+          std::from_chars(number.data(), number.data() + number.size(), value);
+      if (error == std::errc{} && end == number.data() + number.size()) {
+        number = std::to_string(static_cast<std::int64_t>(value));
+      }
+    }
+  }
+  parser.Serialize();
+  const std::uint8_t* bytes = parser.builder_.GetBufferPointer();
+  return {bytes, bytes + parser.builder_.GetSize()};
+}
+
 }  // namespace
 
 ParseResult parse(const SourceFile& source, const CompileRequest& request) {
@@ -96,9 +119,7 @@ ParseResult parse(const SourceFile& source, const CompileRequest& request) {
     result.error = describe_failure(*parser, source);
     return result;
   }
-  parser->Serialize();
-  const std::uint8_t* bytes = parser->builder_.GetBufferPointer();
-  result.reflection.assign(bytes, bytes + parser->builder_.GetSize());
+  result.reflection = serialized(*parser);
   const auto declaration_file = [&](const std::string& path) {
     return flatbuffers::RelativeToRootPath(parser->opts.project_root, path);
   };
@@ -123,9 +144,7 @@ ParseResult parse_foreign(const SourceFile& source) {
     result.error = describe_failure(*parser, source);
     return result;
   }
-  parser->Serialize();
-  const std::uint8_t* bytes = parser->builder_.GetBufferPointer();
-  result.reflection.assign(bytes, bytes + parser->builder_.GetSize());
+  result.reflection = serialized(*parser);
   return result;
 }
 

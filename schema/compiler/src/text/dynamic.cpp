@@ -315,8 +315,9 @@ std::vector<std::byte> Dynamic::flat_reflection(std::string_view table) const {
   const auto found = std::ranges::find(objects, table, &Object::name);
   if (found == objects.end()) return {};
   // FlatBuffers writes declared attributes only.
-  const auto parser = make_parser(std::string("attribute \"") + kArrayAttribute + "\";\n" +
-                                  schema_text(impl_->model, *found));
+  std::string text = "attribute \"";
+  text.append(kArrayAttribute).append("\";\n").append(schema_text(impl_->model, *found));
+  const auto parser = make_parser(text);
   if (!parser) return {};  // Can't fail, like reflection_of().
   flatten_arrays(*parser);
   return serialized(*parser);

@@ -131,6 +131,9 @@ class ModelWriter {
     if (!object.is_struct && base <= BaseType::kDouble && !field.is_optional) {
       const bool is_real = base == BaseType::kFloat || base == BaseType::kDouble;
       json["default"] = is_real ? number_of(field.default_real) : Json(field.default_integer);
+      if (base == BaseType::kUint64) {
+        json["default"] = static_cast<std::uint64_t>(field.default_integer);
+      }
     }
     if (field.is_required) json["is_required"] = true;
     if (field.is_optional) json["is_optional"] = true;

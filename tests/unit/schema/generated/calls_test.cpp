@@ -175,7 +175,7 @@ TEST_F(GeneratedCalls, StreamsOfTablesMayEndWithARefusal) {
 
 TEST_F(GeneratedCalls, StreamMethodsRefuseOrdinaryCalls) {
   const rtpm::rpc::MethodDescriptor watch{7, "watch", 0, false, {}};
-  EXPECT_EQ(client_->binding().call(watch, {}).error(), CallError::kOverload);
+  EXPECT_EQ(client_->binding().call(watch, {}).error(), CallError::kBadRequest);
 }
 
 TEST_F(GeneratedCalls, HandlesWaitForTheirReplies) {

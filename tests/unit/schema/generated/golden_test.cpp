@@ -56,11 +56,26 @@ TEST(Golden, GeneratedCodeIsAsReviewed) {
   for (const std::string& schema : schemas) {
     const CompileResult result = compile_here(schema);
     ASSERT_TRUE(result.model) << render(result.errors);
-    for (const auto make : {&make_cpp_back_end, &make_python_back_end}) {
+    for (const auto make : {&make_cpp_back_end, &make_python_back_end, &make_typescript_back_end}) {
       EXPECT_EQ(render(make("0.0.0")->check(*result.model)), "");
       for (const GeneratedFile& file : make("0.0.0")->generate(*result.model))
         test::expect_golden(file.name + ".golden", file.text);
     }
+  }
+}
+
+// Java has a file for each class; a golden has those of one schema.
+TEST(Golden, GeneratedJavaIsAsReviewed) {
+  const InFolder folder(RTPM_GOLDEN_FOLDER);
+  for (const std::string& schema : schemas_in(".")) {
+    const CompileResult result = compile_here(schema);
+    ASSERT_TRUE(result.model) << render(result.errors);
+    const auto back_end = make_java_back_end("0.0.0");
+    EXPECT_EQ(render(back_end->check(*result.model)), "");
+    std::string text;
+    for (const GeneratedFile& file : back_end->generate(*result.model))
+      text += "==> " + file.name + " <==\n" + file.text;
+    test::expect_golden(fs::path(schema).replace_extension(".java.golden"), text);
   }
 }
 

@@ -11,9 +11,9 @@
 
 namespace rtpm::schema {
 
-/// The name, without folder, and the text of a file to write.
+/// The name and the text of a file to write.
 struct GeneratedFile {
-  std::string name{};
+  std::string name{};  ///< With folders where the language wants them: "lab/Force.java".
   std::string text{};
 };
 
@@ -51,6 +51,9 @@ struct BackEndEntry {
 /// @param compiler_version  written into the code
 [[nodiscard]] std::unique_ptr<BackEnd> make_cpp_back_end(std::string compiler_version);
 
+/// Java 17 for the module org.rtpm: a file per class, in folders of packages. Needs no FlatBuffers.
+[[nodiscard]] std::unique_ptr<BackEnd> make_java_back_end(std::string compiler_version);
+
 /// The model as JSON, <stem>.rtpm.json.
 /// @source schema/model.md
 [[nodiscard]] std::unique_ptr<BackEnd> make_json_back_end(std::string compiler_version);
@@ -58,5 +61,8 @@ struct BackEndEntry {
 /// Python for the package `rtpm`: <stem>_rtpm.py, which has the schema as data, and <stem>_rtpm.pyi,
 /// its classes for type checkers and editors.
 [[nodiscard]] std::unique_ptr<BackEnd> make_python_back_end(std::string compiler_version);
+
+/// TypeScript for the package `rtpm`: <stem>.rtpm.ts, an ES module. Needs no FlatBuffers.
+[[nodiscard]] std::unique_ptr<BackEnd> make_typescript_back_end(std::string compiler_version);
 
 }  // namespace rtpm::schema
