@@ -2,11 +2,12 @@
 
 import collections
 
-from layout import (ACK_WANTED, HEADER_SIZE, KIND_NAMES, REPEATED, STATUS_NAMES, Pattern, fields_of,
-                    header_of, is_bind, kind_of, number)
+from layout import (ACK_WANTED, CONSTANTS, HEADER_SIZE, KIND_NAMES, REPEATED, STATUS_NAMES, Pattern,
+                    fields_of, header_of, is_bind, kind_of, number)
 from steps import bands_of
 
 MIB = 1 << 20
+FRAGMENT_WINDOW = CONSTANTS['limits']['fragment_window']
 BUDGET_SLACK_US = 500_000  # A busy machine may take so long from an order to the frame.
 
 # What a wrong field breaks, by kind of frame and by field. What is not here breaks the rules that
@@ -19,7 +20,7 @@ RULES = {
     'window': 'hp-4.3-1', 'server_epoch': 'hp-4.3-1', 'band_low': 'hp-4.3-1',
     'band_high': 'hp-4.3-1', 'ceiling': 'hp-4.3-1', 'first_missing': 'hp-5.6-4',
     'later': 'hp-5.6-4',
-    ('HELLO', 'call_id'): 'hp-4-2', ('COOKIE', 'call_id'): 'hp-4-2',
+    ('HELLO', 'call_id'): 'hp-4-2', ('CALL', 'flags'): 'hp-5.6-3', ('COOKIE', 'call_id'): 'hp-4-2',
     ('WELCOME', 'call_id'): 'hp-4-2', ('COOKIE', 'priority'): 'hp-4-2',
     ('WELCOME', 'priority'): 'hp-4-2', ('REFUSE', 'payload'): 'hp-4.4-2',
     ('REFUSE', 'call_id'): 'hp-4.4', ('REFUSE', 'session'): 'hp-4.4',
@@ -70,7 +71,7 @@ class Bindings:
 
     def objection(self, name, value):
         """Why `name` can't be `value`, or nothing. README.md of the vectors: names that differ in
-        their number only are different choices, and each call's is later than the one before."""
+        their number only are different choices; calls and handshakes are numbered upward."""
         if name in self.known:
             return None if self.known[name] == value else 'is not what it was before'
         stem = name.rstrip('0123456789')
@@ -79,7 +80,7 @@ class Bindings:
                 continue
             if known == value:
                 return f'is the same as <{other}>'
-            if stem == 'call' and (number(value) - number(known)) % 2**32 >= 2**31:
+            if stem in ('call', 'handshake') and is_before(number(value), number(known)):
                 return f'is not later than <{other}>'
         return None
 
@@ -102,8 +103,11 @@ class Comparer:
         self.service = 1  # What stands for service 1 of the vectors at the server under test.
         self.budgets = {}  # The last one that the program under test stated, by kind and call.
         self.run_counter = None  # Of a server that answers with how often it has run.
+        self.bytes_first = CONSTANTS['limits'][f'stream_bytes_first_{conversation["medium"]}']
+        self.byte_limits = {}  # What a client granted last, by call.
         self.windows = {}  # How many items a client takes at a time, by call.
         self.asked_at = {}  # When a call was first sent to the server under test.
+        self.ran_us = {}  # How long its method ran at least, by call: the tool ended it.
 
     def pattern(self, hex_text):
         return Pattern(hex_text, self.free)
@@ -179,6 +183,8 @@ class Comparer:
             self.windows[header['call_id']] = header['item']
         if kind in ('CALL', 'CREDIT'):
             self.budgets[kind, header['call_id'], header['fragment_index']] = header['budget_us']
+        if kind == 'CREDIT':
+            self.byte_limits[header['call_id']] = number(frame[HEADER_SIZE + 4:HEADER_SIZE + 8])
 
     def objection(self, kind, place, wanted, frame, noted, now):
         """Why this field may not have this value; True: because it is another than the vector's."""
@@ -212,6 +218,14 @@ class Comparer:
         """That a client asks for an answer where it need not does no harm."""
         return number(want) & ~ACK_WANTED != number(have) & ~ACK_WANTED
 
+    def fragment_flags(self, field, want, have, frame, noted, now):
+        """That fragments ask at each half of the window is a SHOULD (hp-5.6-3)."""
+        header = header_of(frame)
+        if header['fragment_count'] == 1 or (number(want) ^ number(have)) & ~ACK_WANTED:
+            return want != have
+        is_half = header['fragment_index'] % FRAGMENT_WINDOW == FRAGMENT_WINDOW // 2 - 1
+        return number(want) & ~number(have) != 0 and not is_half
+
     def close_priority(self, field, want, have, frame, noted, now):
         if self.role == 'client':
             return want != have
@@ -237,10 +251,23 @@ class Comparer:
         window = self.windows.get(header_of(frame)['call_id'], 0)
         return not number(want) - window // 2 <= number(have) <= number(want)
 
+    def credit_bytes(self, field, want, have, frame, noted, now):
+        """A client may grant more than the vector, and as little as its next CREDIT would add less
+        (hp-5.10-4), but takes nothing back (hp-5.10-9)."""
+        if self.role != 'client':
+            return want != have
+        before = self.byte_limits.get(header_of(frame)['call_id'], self.bytes_first)
+        if is_before(number(have), before):
+            return f'was {before} before'
+        return is_before(number(have), (number(want) - self.bytes_first // 2) % 2**32)
+
     def reply_budget(self, field, want, have, frame, noted, now):
         asked = self.asked_at.get(header_of(frame)['call_id'])
         if asked is not None and number(have) > (now - asked) * 1e6 + 1:
             return f'is more than the {int((now - asked) * 1e6)} µs between request and reply'
+        ran_us = self.ran_us.get(header_of(frame)['call_id'], 0)
+        if number(have) < ran_us:
+            return f'is less than the {ran_us} µs that the method ran'
         return None
 
     def time(self, field, want, have, frame, noted, now):
@@ -312,6 +339,7 @@ class Comparer:
 
     HEADER_CHECKS = {
         'service': service_number, ('HELLO', 'flags'): hello_flags, 'sender_time_ns': time,
+        ('CALL', 'flags'): fragment_flags, ('REPLY', 'flags'): fragment_flags,
         ('CREDIT', 'flags'): asking_flags, ('ACK', 'flags'): asking_flags,
         ('CLOSE', 'priority'): close_priority, ('CALL', 'budget_us'): call_budget,
         ('CREDIT', 'item'): credit_limit, ('CREDIT', 'budget_us'): call_budget,
@@ -322,11 +350,16 @@ class Comparer:
         'clock_domain': any_value, ('HELLO', 'features'): any_value,
         'version_min': version_range, 'version_max': version_range,
         ('HELLO', 'message_size_max'): client_limit, ('WELCOME', 'message_size_max'): server_limit,
-        'window': window,
+        'window': window, ('CREDIT', 'byte_limit'): credit_bytes,
         ('REPLY', 'service'): bound_service, ('REPLY', 'priority'): any_value,
         ('REPLY', 'flags'): bind_flags, ('REPLY', 'fingerprint'): any_value,
         ('REPLY', 'method_count'): any_value,
     }
+
+
+def is_before(one, other):
+    """Of two numbers that begin again at 0 after 2³²−1."""
+    return (one - other) % 2**32 >= 2**31
 
 
 def is_copy(frame, earlier, medium):

@@ -6,7 +6,7 @@ import time
 import black_box
 from subject import GONE, CannotPlay, Subject, SubjectError, Wire, parse_line, wait_readable
 
-START_S = 20.0  # So long a program may take to start.
+START_S = 60.0  # So long a program may take to start, several at a time on a busy machine.
 
 
 class Failure(Exception):

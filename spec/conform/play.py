@@ -15,6 +15,9 @@ PAUSE_SLACK_S = 0.7  # A busy machine may take so long to send a copy and to tak
 QUIET_S = 0.15  # So long nothing more may come at the end.
 BINDING_TIMEOUT_US = 20_000_000  # The vectors of bindings state no deadline.
 CROSSING_S = 1.0  # A copy may cross its answer for so long.
+HELLO_COUNT_MAX = 20  # Of one handshake of the vectors: even one that repeats each 10 ms sends less.
+GAP_S = 0.025  # A question (hp-5.10-5) comes later than that; a CREDIT at a gap hardly does.
+RUN_SLACK_US = 2000  # Between what the tool sees of a run and what the server does.
 
 # Where a vector waits until just before a limit, the wait over a socket is so much shorter.
 EARLY_S = {'stream-without-a-client': 0.15}
@@ -33,6 +36,14 @@ def setup_of(conversation, role):
     return setup
 
 
+class GoOn(Exception):
+    """The program under test leaves out, or does later, what the vector has at this place."""
+
+    def __init__(self, at):
+        super().__init__()
+        self.at = at  # The step that comes instead.
+
+
 class Player:
     """One conversation, step by step."""
 
@@ -47,6 +58,7 @@ class Player:
         self.sent = []  # Frames that the program under test sent and that were taken.
         self.answered = {}  # When the tool answered a call or handshake, by (is call, number).
         self.real_times = {}  # What a time of the vector was on the real clock.
+        self.given_at = None  # When the last frame was given.
         self.words = {}  # The names that the lines use: of a call's number, and of a call's <name>.
         self.is_skipped = False  # The last step could not be given.
         self.heard_at = {}  # When a call was sent last, by number.
@@ -58,6 +70,13 @@ class Player:
         self.last_way = None
         self.anchor = None
         self.is_hung_up = False
+        self.receipts = []  # Those that the server under test was told to send.
+        self.early = []  # Those that it sent by itself before.
+        self.first_handshake = None  # The number of the first HELLO of a client under test.
+        self.hello_counts = {}  # Of a client under test, by handshake number.
+        self.gaps = []  # For each gap of a stream: whether only a question told of it.
+        self.passed_over = []  # Frames that were taken as no answer to the step that is waited for.
+        self.runs = {}  # When a call was seen to run.
 
     @property
     def notes(self):
@@ -80,14 +99,18 @@ class Player:
                     begin = at
                     while at < len(self.steps) and self.judge(at) != 'input':
                         at += 1
-                    self.expect([(i, self.steps[i]) for i in range(begin, at)
-                                 if self.judge(i) == 'output'])
+                    try:
+                        self.expect([(i, self.steps[i]) for i in range(begin, at)
+                                     if self.judge(i) == 'output'])
+                    except GoOn as other:
+                        at = other.at
                     continue
                 if kind == 'input':
                     self.give(at, self.steps[at])
                 at += 1
             self.expect_silence(time.monotonic() + QUIET_S)
             self.peer.check_counters()
+            self.check_gaps()
         except Failure as failure:
             if failure.step is None:
                 failure.step = min(at, len(self.steps) - 1)
@@ -164,6 +187,7 @@ class Player:
         if len(frame) >= HEADER_SIZE:
             self.stamp(frame, step)
             self.note_given(frame)
+        self.given_at = time.monotonic()
         self.is_skipped = not self.peer.wire.send(bytes(frame), step.get('address', 'client'))
         if self.is_skipped:
             self.notes.append(f'step {index} was not sent: the address of the client is unknown '
@@ -239,12 +263,27 @@ class Player:
         if word is None:  # The session itself runs it.
             return
         values = {key: step[key] for key in ('status', 'payload') if key in step}
+        self.note_run_time(what, self.compare.bindings.number(step['call_id']))
         self.peer.tell('does', what, word, **values)
+        if what == 'receipt':
+            self.receipts.append(step)
+            self.peer.events.extendleft(reversed(self.early))
+            self.early.clear()
+
+    def note_run_time(self, what, call_id):
+        """hp-5.7-1: a REPLY states at least as much as its method ran."""
+        seen = self.runs.pop(call_id, None)
+        if what == 'item' and seen is not None:
+            self.runs[call_id] = seen
+        elif what == 'complete' and seen is not None:
+            ran_us = int((time.monotonic() - seen) * 1e6) - RUN_SLACK_US
+            self.compare.ran_us[call_id] = max(ran_us, 0)
 
     # ---- what the program under test has to do ----
 
     def expect(self, group):
         """Everything in `group`, in any order, and nothing else."""
+        self.passed_over.clear()
         counts = [step[f'{self.role}_counts'] for _, step in group if f'{self.role}_counts' in step]
         pending = [(i, step) for i, step in group if f'{self.role}_counts' not in step]
         begun_ns, begun = self.anchor
@@ -275,8 +314,19 @@ class Player:
                           self.conversation['rules'])
         if 'frame' in step:
             failure.frames = [('expected', self.compare.fill(step['hex']))]
+            self.add_nearest(failure, step)
         failure.step = index
         return failure
+
+    def add_nearest(self, failure, step):
+        """The frame that came meanwhile, was taken for something else, and differs least."""
+        found = [(self.compare.differences(step['hex'], event.data, event.at), event.data)
+                 for event in self.passed_over]
+        found = [one for one in found if one[0]]
+        if found:
+            differences, data = min(found, key=lambda one: (one[0][0].field == 'kind', len(one[0])))
+            failure.differences = differences
+            failure.frames.append((f'the nearest that came, a {kind_of(data)}', data))
 
     def take(self, event, pending):
         """Takes `event` as one of `pending`, or as something that is allowed at any time."""
@@ -299,18 +349,24 @@ class Player:
 
     def take_frame(self, event, pending):
         self.check_pause(event)
+        self.check_hello(event)
         frames = [entry for entry in pending if 'frame' in entry[1]]
         closest = None
+        if self.is_early_receipt(event):
+            self.early.append(event)
+            return
         for entry in frames:
             found = self.compare.differences(entry[1]['hex'], event.data, event.at)
             if not found:
                 pending.remove(entry)
                 self.sent.append(event)
                 self.check_way(entry, event)
+                self.note_gap(entry[1], event)
                 return
             if closest is None or len(found) < len(closest[1]):
                 closest = (entry, found)
         if self.is_tolerated(event):
+            self.passed_over.append(event)
             return
         self.check_fragment_size(event, frames)
         if closest is None or closest[1][0].field == 'kind':
@@ -325,6 +381,15 @@ class Player:
         failure.step = index
         raise failure
 
+    def is_early_receipt(self, event):
+        """A server may answer a CALL with *reply on receipt* before it is told to."""
+        if self.role != 'server' or kind_of(event.data) != 'REPLY':
+            return False
+        due = [step for step in self.steps if step.get('server_does') == 'receipt' and
+               step not in self.receipts]
+        calls = {self.compare.bindings.number(step['call_id']) for step in due}
+        return number(event.data[16:20]) in calls
+
     def check_pause(self, event):
         """hp-5.3-3: copies of a call that is not answered are at most 1 s apart."""
         if self.medium == 'stream' or kind_of(event.data) != 'CALL':
@@ -335,6 +400,31 @@ class Player:
         if pause_s > 1 + PAUSE_SLACK_S and (True, call_id) not in self.answered:
             raise Failure(f'it repeated an unanswered call only after {pause_s:.1f} s',
                           ['hp-5.3-3'], frames=[('received', event.data)])
+
+    def check_hello(self, event):
+        """hp-4.2-4: COOKIEs are not answered one by one."""
+        if self.role != 'client' or kind_of(event.data) != 'HELLO':
+            return
+        handshake = number(event.data[16:20])
+        if self.first_handshake is None:
+            self.first_handshake = handshake
+        count = self.hello_counts[handshake] = self.hello_counts.get(handshake, 0) + 1
+        if count > HELLO_COUNT_MAX:
+            raise Failure(f'it sent {count} HELLOs of one handshake: it answers every COOKIE',
+                          ['hp-4.2-4'], frames=[('received', event.data)])
+
+    def note_gap(self, step, event):
+        """hp-5.10-4: a gap is told of at once, and not by the next question (hp-5.10-5) alone."""
+        if self.role != 'client' or kind_of(event.data) != 'CREDIT' or not self.given_at:
+            return
+        wanted = self.compare.fill(step['hex'])
+        if any(wanted[HEADER_SIZE + 8:]) and not number(wanted[6:8]) & ACK_WANTED:
+            is_question = number(event.data[6:8]) & ACK_WANTED != 0
+            self.gaps.append(is_question and event.at - self.given_at > GAP_S)
+
+    def check_gaps(self):
+        if len(self.gaps) > 1 and all(self.gaps):
+            raise Failure('it told of no gap of a stream at once, but asked later', ['hp-5.10-4'])
 
     def check_way(self, entry, event):
         """An answer goes to where the frame came from."""
@@ -407,14 +497,36 @@ class Player:
             return  # That it ends the connection is what counts.
         for entry in pending:
             objection = self.line_objection(entry[1], words, event.values)
+            if objection is None and words[1] == 'run':
+                self.runs[self.compare.bindings.number(entry[1]['call_id'])] = event.at
             if objection is None:
                 pending.remove(entry)
                 return
         if words[1] == 'broken' and self.is_hung_up:
             return
+        if pending and self.compare.is_binding:
+            self.look_further(event, *pending[0])
         sees = [tell_step(step) for _, step in pending if f'{self.role}_sees' in step]
         raise Failure(f'it says `{event.text}`; expected: {", or ".join(sees) or "nothing more"}',
                       self.line_rules(words, pending))
+
+    def look_further(self, event, index, step):
+        """vectors/README.md: a client with bindings need not compare texts, and may wait with a
+        handshake until a call needs it. Raises GoOn if it does so."""
+        sees = next((i for i in range(index, len(self.steps)) if 'client_sees' in self.steps[i]), 0)
+        if 'frame' not in step or self.steps[sees].get('client_sees') != event.words[1]:
+            return
+        first = header_of(self.compare.fill(step['hex']))
+        if event.words[1] == 'not_bound' and first['method'] == CONSTANTS['method_describe']:
+            go_on = sees
+        elif event.words[1] == 'bound' and first['kind'] == CONSTANTS['kinds']['HELLO']:
+            handshake = self.steps[index:sees]
+            self.steps[index:sees + 2] = self.steps[sees:sees + 2] + handshake
+            go_on = index
+        else:
+            return
+        self.peer.events.appendleft(event)
+        raise GoOn(go_on)
 
     def line_rules(self, words, pending):
         if words[1] == 'run' and self.role == 'server':

@@ -9,8 +9,8 @@ import sys
 import time
 
 from black_box import INTERFACE, PATH, text
-from layout import (CONSTANTS, HEADER_SIZE, STATUSES, encode, encode_payload, header_of, kind_of,
-                    number)
+from layout import (CONSTANTS, HEADER_SIZE, STATUS_NAMES, STATUSES, encode, encode_payload,
+                    header_of, kind_of, number)
 from peer import Failure
 from report import Result, write_failure
 from subject import CannotPlay, FrameSplitter, SubjectError
@@ -31,6 +31,7 @@ COOKIE_SIZE, WELCOME_SIZE = 56, 112
 ANSWER_S = 0.15           # So long an answer takes at most; then the frame is sent again.
 ATTEMPTS = 20
 TRAILER = 24
+HALF_OPEN_S = 2.6         # Behind that a half-open session is gone (sec-6-1).
 
 
 class Silence(Exception):
@@ -51,6 +52,15 @@ def key_of(words):
 
 def text_of(key):
     return 'rtpm25519 ' + base64.b64encode(key).decode()
+
+
+def told(frame):
+    """A frame's kind, and its status where it has one."""
+    kind = kind_of(frame)
+    if kind not in ('REFUSE', 'REPLY') or len(frame) < HEADER_SIZE:
+        return kind
+    status = header_of(frame)['status']
+    return f'{kind} {STATUS_NAMES.get(status, status)}'
 
 
 class Claimant(noise.Client):
@@ -123,9 +133,10 @@ class Channel:
                 return b''
             self.frames += self.splitter.feed(data)
 
-    def ask(self, frame, kind):
+    def ask(self, frame, kind, attempts=ATTEMPTS):
         """Sends a frame until one of `kind` comes, which it gives."""
-        attempts = 1 if self.is_stream else ATTEMPTS
+        self.passed_over = b''
+        attempts = 1 if self.is_stream else attempts
         for _ in range(attempts):
             self.send(frame)
             until = time.monotonic() + (2 if self.is_stream else ANSWER_S)
@@ -138,14 +149,18 @@ class Channel:
                     return answer
                 if not answer:
                     break
+                self.passed_over = answer
         raise Silence
 
     def expect(self, frame, kind, *rules):
         try:
             return self.ask(frame, kind)
         except Silence:
-            raise Failure(f'no {kind} came to {kind_of(frame)}', rules,
-                          frames=[('sent', frame)]) from None
+            text, frames = f'no {kind} came to {kind_of(frame)}', [('sent', frame)]
+            if self.passed_over:
+                text += f', but {told(self.passed_over)}'
+                frames.append(('received', self.passed_over))
+            raise Failure(text, rules, frames=frames) from None
 
     # ---- handshakes ----
 
@@ -317,7 +332,7 @@ class Subject:
     def __init__(self, options, medium):
         self.address, self.medium = options.address, medium
         self.server_public = key_of(options.server_key)
-        self.private = options.private
+        self.private, self.second = options.private, options.second
         self.preshared = bytes.fromhex(options.preshared) if options.preshared else noise.NO_PSK
         self.service = options.service
         self.suites = 1
@@ -584,6 +599,36 @@ def a_session_is_told_of_to_its_client_alone(subject):
         raise Failure('knows a session which it never opened', ['sec-6-3'])
 
 
+def a_session_is_told_of_to_no_other_key(subject):
+    only_over(subject, 'datagram')
+    if subject.second is None:
+        raise CannotPlay('needs --second-key: another key that the server admits')
+    channel = Channel(subject)
+    channel.open()
+    channel.count()
+    other = Channel(subject, private=subject.second)
+    # All is alike but the key.
+    other.close_socket()
+    other.socket, other.epoch, other.number = channel.socket, channel.epoch, channel.number
+    if other.open(former=channel.session) not in (2, 3):
+        raise Failure('tells another key of a session', ['sec-6-4'])
+    channel.count(None, 'sec-6-1')
+
+
+def half_open_sessions_end(subject):
+    only_over(subject, 'datagram')
+    channel = Channel(subject)
+    channel.open()
+    time.sleep(HALF_OPEN_S)
+    frame = channel.call_frame(service=0, method=CONSTANTS['method_ping'])
+    try:
+        answer = channel.ask(frame, 'REPLY', attempts=4)
+    except Silence:
+        return
+    raise Failure(f'a session without a frame of its client lived for {HALF_OPEN_S:g} s',
+                  ['sec-6-1'], frames=[('sent', frame), ('received', answer)])
+
+
 def a_half_open_session_replaces_none(subject):
     only_over(subject, 'datagram')
     channel = Channel(subject)
@@ -660,10 +705,11 @@ def unknown_keys_are_not_admitted(subject):
     channel = Channel(subject, private=noise.new_key())
     hello = channel.begin(0, channel.give_cookie())
     try:
-        channel.ask(hello, 'WELCOME')
+        welcome = channel.ask(hello, 'WELCOME', attempts=6)
     except Silence:
         return
-    raise CannotPlay('the server admits every key')
+    raise Failure('it admits a key that nobody told it of', ['sec-3.2-2'],
+                  frames=[('sent', hello), ('received', welcome)])
 
 
 def only_over(subject, medium):
@@ -679,6 +725,7 @@ CHECKS = (
     copies_of_frames_are_dropped, a_sealed_copy_of_a_call_gets_its_reply_again,
     no_bit_can_be_changed, sizes_are_checked, the_window_has_1024_counters,
     keys_change_with_the_counter, a_session_is_told_of_to_its_client_alone,
+    a_session_is_told_of_to_no_other_key, half_open_sessions_end,
     a_half_open_session_replaces_none, held_back_calls_do_not_run,
     a_stream_ends_at_a_frame_that_does_not_fit, unsealed_sessions_are_refused,
     unknown_keys_are_not_admitted,
@@ -717,6 +764,10 @@ def run(options, write):
     options.private = own_key(options.own_key)
     write(f'The key of this tool, which the server must admit: '
           f'{text_of(noise.public_of(options.private))} rtpm-conform')
+    options.second = own_key(options.second_key) if options.second_key else None
+    if options.second:
+        write(f'Its second key, which the server must admit, too: '
+              f'{text_of(noise.public_of(options.second))} rtpm-conform')
     results = []
     for medium in ('datagram', 'stream'):
         if options.medium and (options.medium == 'tcp') != (medium == 'stream'):

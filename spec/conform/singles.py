@@ -2,14 +2,15 @@
 
 import time
 
-from layout import (CONSTANTS, HEADER_SIZE, SPEC, STATUS_NAMES, encode, encode_payload, header_of,
-                    kind_of)
+from layout import (CONSTANTS, HEADER_SIZE, SPEC, STATUS_NAMES, STATUSES, encode, encode_payload,
+                    header_of, kind_of, number)
 from peer import End, Failure, Frame, Line, Peer
 from play import SETTLE_S
 from report import Result
 from subject import UNTALKABLE, CannotPlay, SubjectError
 
 PRIORITY = 24000
+TEXT_SIZE_MAX = 200  # Of a refusal (hp-7-1).
 SESSION = 0xb7fc5e0b78510000
 PATIENT_FAILURES, IMPATIENCE_S = 3, 0.5  # After so many failures a file waits no longer than that.
 SETUPS = {
@@ -43,12 +44,24 @@ class Session:
     def frame(self, is_wanted=None):
         """The next frame, which is of interest."""
         until = time.monotonic() + self.peer.patience_s
+        self.passed_over = []
         while True:
             event = self.peer.next_event(until)
             if event is None:
                 return None
-            if isinstance(event, Frame) and (is_wanted is None or is_wanted(event.data)):
-                return event.data
+            if isinstance(event, Frame):
+                if is_wanted is None or is_wanted(event.data):
+                    return event.data
+                self.passed_over.append(event.data)
+
+    def nothing(self, what, rules):
+        """The failure of a wait in vain; shows the last frame that came instead."""
+        text = f'no {what} within {self.peer.patience_s:g} s'
+        if not self.passed_over:
+            return Failure(text, rules)
+        last = self.passed_over[-1]
+        return Failure(f'{text}; it sent {kind_of(last)}', rules,
+                       frames=[('the last that came', last)])
 
     def line(self, word):
         until = time.monotonic() + self.peer.patience_s
@@ -172,7 +185,7 @@ class ServerSession(Session):
             sender_time_ns=time.monotonic_ns()))
         answer = self.frame(is_wanted=lambda frame: header_of(frame)['call_id'] == call_id)
         if answer is None:
-            raise Failure(f'no REPLY within {self.peer.patience_s:g} s', ['hp-5.1-5'])
+            raise self.nothing(f'REPLY of the call {call_id}', ['hp-5.1-5'])
         status = STATUS_NAMES.get(header_of(answer)['status'])
         wanted = [vector['status']] if 'status' in vector else \
             ['ok'] if vector['path'] == 'lab/arm0' else ['ok', 'no_such_object']
@@ -180,6 +193,19 @@ class ServerSession(Session):
             raise Failure(f'expected status {" or ".join(wanted)}, it answered {status}',
                           ['hp-12-4' if 'status' in vector else 'hp-6.1-1'],
                           frames=[('received', answer)])
+
+    def call(self, **fields):
+        """Calls method 2; gives the payload of the REPLY, which is `last`."""
+        call_id = next(self.numbers)
+        self.peer.wire.send(encode(
+            'CALL', b'', priority=PRIORITY, session=self.session, call_id=call_id, method=2,
+            service=self.peer.service, budget_us=5_000_000, sender_time_ns=time.monotonic_ns(),
+            **fields))
+        self.last = self.frame(is_wanted=lambda frame: kind_of(frame) == 'REPLY' and
+                               header_of(frame)['call_id'] == call_id)
+        if self.last is None:
+            raise self.nothing(f'REPLY of the call {call_id}', ['hp-5.1-5'])
+        return self.last[HEADER_SIZE:]
 
     def begin_stream(self):
         self.open()
@@ -220,7 +246,7 @@ class ClientSession(Session):
         self.peer.tell('does', 'open', priority=PRIORITY, timeout_us=20_000_000)
         hello = self.frame(is_wanted=lambda frame: kind_of(frame) == 'HELLO')
         if hello is None:
-            raise Failure(f'no HELLO within {self.peer.patience_s:g} s', ['hp-4-1'])
+            raise self.nothing('HELLO', ['hp-4-1'])
         self.handshake = header_of(hello)['call_id']
 
     def answer_hello(self, kind, payload, session=0):
@@ -263,8 +289,7 @@ class ClientSession(Session):
         wanted = self.frame(is_wanted=lambda frame: kind_of(frame) == 'HELLO' and
                             frame[HEADER_SIZE + 40:HEADER_SIZE + 56] == cookie)
         if wanted is None:
-            raise Failure(f'no HELLO with the cookie within {self.peer.patience_s:g} s',
-                          ['hp-4.2-3'])
+            raise self.nothing(f'HELLO with the cookie {cookie.hex()}', ['hp-4.2-3'])
 
     def welcome_vector(self, vector):
         self.answer_hello('WELCOME', bytes.fromhex(vector['hex']), int(vector['session'], 16))
@@ -287,7 +312,7 @@ class ClientSession(Session):
                        fingerprint=fingerprint, priority=PRIORITY, timeout_us=5_000_000)
         call = self.frame(is_wanted=lambda frame: kind_of(frame) == 'CALL')
         if call is None:
-            raise Failure(f'no CALL within {self.peer.patience_s:g} s', ['hp-6.1'])
+            raise self.nothing('CALL', ['hp-6.1'])
         about = {key: value for key, value in header_of(call).items() if key in (
             'session', 'call_id', 'service', 'method', 'priority', 'trace_id')}
         self.peer.wire.send(encode('REPLY', bytes.fromhex(vector['hex']),
@@ -380,6 +405,44 @@ class NotPlayed:
                        [])]
 
 
+class PlainMethod:
+    """Of a server without a COMMAND, whose method 2 gives no stream: it refuses one (hp-5.10-12)."""
+
+    def __init__(self, medium, options):
+        self.medium, self.options = medium, options
+
+    def results(self):
+        session = ServerSession('server', self.medium, self.options)
+        reason, outcome, failure = '', 'passed', None
+        try:
+            session.start()
+            session.open()
+            self.play(session)
+        except Failure as failed:
+            reason, outcome, failure = str(failed), 'failed', failed
+        except (SubjectError, OSError) as error:
+            reason, outcome = f'{UNTALKABLE}{error}', 'failed'
+        session.peer.stop()
+        name = f'a stream of a method that gives none {"tcp" if session.is_stream else "udp"}'
+        return [Result('single frames', name, 2, outcome, ['hp-5.10-12'], reason, failure,
+                       session.peer.notes)]
+
+    @staticmethod
+    def play(session):
+        begun = number(session.call())
+        refusal = session.call(item=4)
+        header = header_of(session.last)
+        if header['status'] != STATUSES['bad_request'] or header['item'] != 0:
+            raise Failure(f'it answered status {STATUS_NAMES.get(header["status"])} with item '
+                          f'{header["item"]}; expected: bad_request, 0', ['hp-5.10-12'],
+                          frames=[('received', session.last)])
+        if len(refusal) > TEXT_SIZE_MAX:
+            raise Failure('its text is longer than 200 bytes', ['hp-7-1'],
+                          frames=[('received', session.last)])
+        if number(session.call()) != begun + 1:
+            raise Failure('the method ran', ['hp-5.10-12'])
+
+
 def vectors_of(document, role, medium, name):
     """Bad ones first: a good one ends what the bad ones are sent in."""
     if name == 'headers-bad.json':
@@ -398,6 +461,9 @@ def entries(options, read):
             vectors = vectors_of(document, role, medium, name)
             file = File(name, role, medium, level, vectors, play, options)
             yield name.removesuffix('.json'), level, medium, file
+    if options.role == 'server' and not options.command:
+        for medium in ('stream', 'datagram'):
+            yield 'plain-method', 2, medium, PlainMethod(medium, options)
     yield from skipped()
 
 

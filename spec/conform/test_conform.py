@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Tests of the tool's own parts. tests/spec/conform/conform_test.py tests how it judges programs."""
 
+import importlib.machinery
+import importlib.util
 import io
 import json
 import pathlib
@@ -14,6 +16,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import black_box  # noqa: E402
 import layout  # noqa: E402
 import peer  # noqa: E402
+import play  # noqa: E402
 import report  # noqa: E402
 import singles  # noqa: E402
 import steps  # noqa: E402
@@ -23,6 +26,16 @@ from compare import Bindings, Comparer, is_copy  # noqa: E402
 VECTORS = layout.SPEC / 'vectors'
 OPTIONS = types.SimpleNamespace(command=['x'], wait_max=25, listen=('127.0.0.1', 0), address=None,
                                 role='server', patience=5)
+
+
+def load_tool():
+    """The program itself, whose name is none of a module."""
+    path = str(pathlib.Path(__file__).with_name('rtpm-conform'))
+    loader = importlib.machinery.SourceFileLoader('rtpm_conform', path)
+    spec = importlib.util.spec_from_loader('rtpm_conform', loader)
+    module = importlib.util.module_from_spec(spec)
+    loader.exec_module(module)
+    return module
 
 
 def read(name):
@@ -80,6 +93,8 @@ class BindingsTest(unittest.TestCase):
         bindings = Bindings(self.FREE, 'client')
         bindings.known['call'] = b'\xff\xff\xff\xff'
         self.assertIsNone(bindings.objection('call2', b'\0\0\0\0'), 'after the largest comes 0')
+        bindings.known['handshake'] = b'\5\0\0\0'
+        self.assertIn('not later', bindings.objection('handshake2', b'\4\0\0\0'))
         self.assertIn('not later', bindings.objection('call2', b'\xfe\xff\xff\xff'))
         self.assertIn('the same as', bindings.objection('call2', b'\xff\xff\xff\xff'))
         self.assertIn('before', bindings.objection('call', b'\0\0\0\0'))
@@ -88,7 +103,8 @@ class BindingsTest(unittest.TestCase):
 class ComparerTest(unittest.TestCase):
     # Free, or decided by the clock, or without effect.
     FREE = {'sender_time_ns', 'clock_domain', 'features', 'channel', 'client_epoch', 'methods',
-            'server_epoch', 'window', 'fingerprint', 'version_min', 'version_max', 'budget_us'}
+            'server_epoch', 'window', 'fingerprint', 'version_min', 'version_max', 'budget_us',
+            'byte_limit'}
 
     def changed(self, role):
         """Each field of each frame that a program in `role` sends, with another value."""
@@ -162,6 +178,21 @@ class ComparerTest(unittest.TestCase):
         found = comparer.differences(step['hex'], frame, 10.00004)
         self.assertEqual([one.field for one in found], ['budget_us'])
 
+    def test_a_client_takes_no_granted_bytes_back(self):
+        conversation = read('conversations/large-items.json')
+        step = next(s for s in conversation['steps'] if s.get('note', '').startswith('CREDIT'))
+        wanted = 43_008 + 2 * 1344
+        for limit, before, is_good in ((wanted, None, True), (wanted + 100_000, None, True),
+                                       (43_008, None, True), (43_007, None, False),
+                                       (wanted - 1, wanted, False)):
+            comparer = Comparer(conversation, 'client')
+            frame = bytearray(comparer.fill(step['hex']))
+            if before:
+                comparer.byte_limits[layout.number(frame[16:20])] = before
+            frame[68:72] = limit.to_bytes(4, 'little')
+            found = comparer.differences(step['hex'], bytes(frame), 0)
+            self.assertEqual(not found, is_good, limit)
+
     def test_copies_are_known(self):
         frame = layout.encode('CALL', b'\1', call_id=5, budget_us=100, sender_time_ns=7)
         copy = layout.encode('CALL', b'\1', call_id=5, budget_us=90, sender_time_ns=9, flags=1)
@@ -214,6 +245,75 @@ class PlayTest(unittest.TestCase):
             with self.assertRaisesRegex(subject.CannotPlay, 'does not know', msg=step):
                 for role in ('client', 'server'):
                     steps.check_playable(conversation, role, OPTIONS)
+
+    def player(self, name, role):
+        return play.Player(read(f'conversations/{name}.json'), role, OPTIONS, name)
+
+    def test_a_client_without_texts_asks_for_none(self):
+        player = self.player('binding-without-a-fingerprint', 'client')
+        at = next(i for i, step in enumerate(player.steps) if 'describe' in step.get('note', ''))
+        line = peer.Line(['sees', 'not_bound'], {}, 'sees not_bound', 0)
+        with self.assertRaises(play.GoOn) as other:
+            player.take_line(line, [(at, player.steps[at])])
+        self.assertEqual(player.steps[other.exception.at]['client_sees'], 'not_bound')
+        self.assertEqual(list(player.peer.events), [line])
+
+    def test_a_client_may_bind_before_it_opens_another_session(self):
+        player = self.player('binding-of-a-server-declared-object', 'client')
+        hellos = [i for i, step in enumerate(player.steps)
+                  if step.get('note', '').startswith('HELLO')]
+        at = hellos[2]
+        with self.assertRaises(play.GoOn) as other:
+            player.take_line(peer.Line(['sees', 'bound'], {}, 'sees bound', 0),
+                             [(at, player.steps[at])])
+        self.assertEqual(other.exception.at, at)
+        notes = [step.get('client_sees') or step.get('client_does') or step['note'].split(',')[0]
+                 for step in player.steps[at:]]
+        self.assertEqual(notes, ['bound', 'call_object', 'HELLO', 'COOKIE', 'HELLO', 'WELCOME',
+                                 'CALL', 'REPLY', 'result'])
+
+    def test_a_receipt_may_come_before_its_order(self):
+        player = self.player('receipt-that-says-why', 'server')
+        run = next(i for i, step in enumerate(player.steps) if step.get('server_sees') == 'run')
+        reply = next(step for step in player.steps if step.get('note', '').startswith('REPLY'))
+        event = peer.Frame(player.compare.fill(reply['hex']), 'client', 0)
+        player.take_frame(event, [(run, player.steps[run])])
+        self.assertEqual(player.early, [event])
+
+    def test_a_wait_in_vain_shows_the_nearest_frame(self):
+        player = self.player('lost-call', 'client')
+        calls = [i for i, step in enumerate(player.steps) if step.get('note', '').startswith('CALL')]
+        first = player.compare.fill(player.steps[calls[0]]['hex'])
+        player.compare.bindings.known['call'] = first[16:20]
+        player.compare.budgets['CALL', layout.number(first[16:20]), 0] = 1_000_000
+        for data in (layout.encode('CLOSE'), first):
+            player.passed_over.append(peer.Frame(data, 'client', 0))
+        failure = player.missing([(calls[1], player.steps[calls[1]])])
+        self.assertEqual([one.field for one in failure.differences], ['flags', 'budget_us'])
+        self.assertEqual(failure.frames[-1], ('the nearest that came, a CALL', first))
+
+    def test_first_handshake_numbers_are_judged(self):
+        tool = load_tool()
+
+        def judged(*numbers):
+            players = [types.SimpleNamespace(first_handshake=one) for one in numbers]
+            return [(one.outcome, one.rules) for one in tool.judge_first_numbers(players)]
+
+        self.assertEqual(judged(1, 1, 1), [], 'too few')
+        self.assertEqual(judged(5, None, 1 << 30, 1 << 20, 1 << 29), [('passed', ['hp-4-2'])])
+        for numbers in ((1, 1, 1, 1), (1, 2, 3, 4), (1 << 30, 1 << 30, 7, 7)):
+            self.assertEqual(judged(*numbers), [('failed', ['hp-4-2'])], numbers)
+
+    def test_a_method_that_ran_took_time(self):
+        conversation = read('conversations/slow-method.json')
+        step = next(s for s in conversation['steps'] if s.get('note') == 'REPLY, ok')
+        comparer = Comparer(conversation, 'server')
+        frame = bytearray(comparer.fill(step['hex']))
+        comparer.ran_us[layout.number(frame[16:20])] = 5000
+        for took_us, is_good in ((5000, True), (0, False), (4999, False)):
+            frame[40:44] = took_us.to_bytes(4, 'little')
+            found = comparer.differences(step['hex'], bytes(frame), 0)
+            self.assertEqual([one.rule for one in found], [] if is_good else ['hp-5.7-1'])
 
     def test_levels_are_those_of_the_specification(self):
         levels = {name: steps.level_of(conversation) for name, conversation in conversations()}

@@ -203,7 +203,10 @@ SealedClient::Step SealedClient::receive(MutableBytes frame, MonotonicTime now) 
   if (wire::is_sealed(frame)) return receive_sealed(frame);
   wire::Header header;
   if (auto read = wire::decode_frame(frame, config_.medium, header); !read) {
-    Step step = drop(read.error());
+    // sec-4-2: a frame of the session whose flag was taken away, whatever its size.
+    const bool is_stripped = config_.medium == wire::Medium::kDatagram && wire::decode(frame) &&
+                             is_current(header.session);
+    Step step = drop(is_stripped ? DropReason::kUnsealed : read.error());
     step.is_broken = config_.medium == wire::Medium::kStream;
     return step;
   }

@@ -126,8 +126,11 @@ SealedServer::Outcome SealedServer::on_frame(MutableBytes frame, const wire::Pee
   wire::Header header;
   const auto read = wire::decode_frame(frame, config_.medium, header);
   if (read && header.kind == FrameKind::kHello) return on_hello(header, frame, peer, now);
-  // sec-4-4: an unsealed frame never reaches a sealed session.
-  if (read && find(header.session) != nullptr) return drop(DropReason::kUnsealed);
+  // sec-4-2, sec-4-4: an unsealed frame never reaches a sealed session, whatever its size. The size
+  // of a stream's frame has to be good, as it tells where the next one begins.
+  const bool is_readable =
+      read || (config_.medium == wire::Medium::kDatagram && wire::decode(frame));
+  if (is_readable && find(header.session) != nullptr) return drop(DropReason::kUnsealed);
   return {.verdict = sessions_.on_frame(frame, peer, now)};
 }
 

@@ -40,10 +40,12 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
     const bool is_new = is_newer(header.call_id, slot.newest_call_id);
     if (!is_new && header.call_id != slot.newest_call_id) return drop(DropReason::kStaleCall);
     slot.newest_call_id = header.call_id;
-    // A running oneway or cancelled call does not occupy the slot, unless its buffer is still being
-    // read.
-    const bool is_taken = slot.state == Slot::State::kRunning &&
-                          (!slot.is_unawaited || slot.large != LargeMessages::kNone);
+    // hp-5.2-4: a running call that nobody waits for does not occupy the slot, unless its buffer is
+    // still being read. A stream's caller waits as long as it shows life.
+    const bool is_awaited =
+        !slot.is_unawaited && (now < slot.deadline || slot.stream != ServerStreams::kNone);
+    const bool is_taken =
+        slot.state == Slot::State::kRunning && (is_awaited || slot.large != LargeMessages::kNone);
     if (!is_new || is_taken) {
       const Answer refusal = refuse(header, Status::kOverload, now);
       // hp-5.8-1
@@ -104,7 +106,8 @@ ConstBytes ServerSessions::kept_reply(std::uint32_t session_index,
   return {frame, sessions_[session_index].slots[slot_index].frame_size};
 }
 
-// Puts the first frame of a new call into its slot.
+// Puts the first frame of a new call into its slot, or refuses it by the first of its faults
+// (hp-5.1-9).
 ServerSessions::Answer ServerSessions::admit(Request& request, Session& session) noexcept {
   const Header& header = request.header;
   const MonotonicTime now = request.received;
@@ -115,6 +118,7 @@ ServerSessions::Answer ServerSessions::admit(Request& request, Session& session)
               .call_id = header.call_id,
               .newest_call_id = header.call_id};
   request.deadline = deadline_of(session, header, now);
+  slot.deadline = request.deadline;
   request.session_index = index_of(session);
   request.slot_index = slot_index;
   if (header.message_size > config_.message_size_max) {

@@ -359,6 +359,28 @@ def beyond_the_window():
     return c
 
 
+def place_of_a_late_call():
+    c = Conversation('place-of-a-late-call',
+                     'A method runs longer than its caller waits: a later call takes its place, and '
+                     'its reply is not sent.',
+                     ['hp-5.2-4', 'hp-5.1-5'], roles=['server'])
+    c.handshake()
+    c.at(1 * MS)
+    c.call(1, budget_us=2000, way='network to server', address='client')
+    c.server_runs(1, 1, 2, '', c.now + 2 * MS)
+    c.at(2 * MS)
+    c.call(9, way='network to server', address='client')
+    c.refuse('overload', 9, 'session')
+    c.at(4 * MS)
+    c.call(17, way='network to server', address='client')
+    c.server_runs(17, 1, 2, '', c.now + S)
+    c.server_completes(1)
+    c.at(5 * MS)
+    c.server_completes(17)
+    c.reply(17, took_us=1000)
+    return c
+
+
 def refused_calls():
     c = Conversation('refused-calls', 'Calls that the server will not run, each for a reason.',
                      ['hp-5.1-5', 'hp-5.4-3', 'hp-4.4-1'], roles=['server'],
@@ -384,6 +406,36 @@ def refused_calls():
         c.refuse('unknown_session', 6, session)
     c.call(7, priority=24500, way='network to server', address='client')
     c.server_runs(7, 1, 2, '', c.now + S)
+    return c
+
+
+def order_of_judging_calls():
+    c = Conversation('order-of-judging-calls',
+                     'CALLs with several faults each: the first in the order of hp-5.1-9 decides.',
+                     ['hp-5.1-9', 'hp-5.1-5'], roles=['server'],
+                     server=dict(band=[20000, 25000], ceiling=24500, message_size_max=KIB))
+    c.handshake()
+    c.at(1 * MS)
+    large = dict(payload='00' * (KIB + 1))
+    c.call(1, 99, way='network to server', address='other', priority=19999, budget_us=0, **large,
+           says='of no session, and all the rest')
+    c.counts('server', 'unknown_session')
+    c.refuse('unknown_session', 1, 99, priority=19999)
+    c.call(1, way='network to server', address='other', priority=19999, budget_us=0, **large,
+           says='from elsewhere, and all the rest')
+    c.counts('server', 'foreign_address')
+    c.call(1, way='network to server', address='client', says='runs')
+    c.server_runs(1, 1, 2, '', c.now + S)
+    c.call(9, way='network to server', address='client', priority=19999, budget_us=0, **large,
+           says='its place is taken, and all the rest')
+    c.refuse('overload', 9, 'session', priority=19999)
+    wrong = dict(priority=19999, budget_us=0)
+    for number, status, fields in ((2, 'too_large', wrong | large), (3, 'wrong_band', wrong),
+                                   (4, 'priority_not_allowed', wrong | dict(priority=24501))):
+        c.call(number, way='network to server', address='client', says=status, **fields)
+        c.reply(number, status=status, priority=fields['priority'])
+    c.server_completes(1)
+    c.reply(1)
     return c
 
 
@@ -757,7 +809,9 @@ def silent_session():
 def conversations():
     return [
         bind_and_call('udp'), bind_and_call('tcp'), lost_hello(), lost_call(), slow_method(),
-        statuses(), late_copies(), beyond_the_window(), refused_calls(),
+        statuses(), late_copies(), beyond_the_window(),
+        place_of_a_late_call(), refused_calls(),
+        order_of_judging_calls(),
         refused_handshakes(), client_is_refused(), cookies(), repeated_hello(), restart(), strays(),
         foreign_addresses(), one_clock(), two_clocks(), timeouts(), too_large_for_the_server(),
         second_hello_on_a_stream(), copies_on_a_stream(), broken_stream('server'),

@@ -159,6 +159,46 @@ def large_request_unanswered():
     return c
 
 
+def window_of_fragments(side):
+    c = Delivery(f'window-of-fragments-at-the-{side}',
+                 'A message of 34 fragments: no more than 32 are on their way. The first half of '
+                 'the window is acknowledged, and the rest goes out.',
+                 ['hp-5.6-2', 'hp-5.6-3', 'hp-5.6-1'], roles=[side],
+                 client=dict(message_size_max=64 * KIB), server=dict(message_size_max=64 * KIB))
+    c.handshake()
+    c.at(10 * MS)
+    parts = parts_of(*[1344] * 33, 7)
+    asking = (15, 31, 33)
+
+    def send(kind, indexes, call_id, **more):
+        for index in indexes:
+            c.fragment(kind, parts, index, call_id, together=True,
+                       flags=ACK_WANTED if index in asking else 0, **more)
+
+    if side == 'client':
+        c.client_calls(1, 2, ''.join(parts))
+        send('CALL', range(32), 'call')
+        c.at(13 * MS)
+        c.ack('network to client', 16)
+        send('CALL', (32, 33), 'call', budget_us=997_000)
+        c.at(14 * MS)
+        c.reply(payload='0d')
+        c.client_sees('result', status='ok', payload='0d')
+        return c
+    c.call(1, payload='01', **TO_SERVER)
+    c.server_runs(1, 1, 2, '01', c.now + S)
+    c.server_completes(1, payload=''.join(parts))
+    send('REPLY', range(32), 1)
+    c.at(13 * MS)
+    c.ack('network to server', 16, call_id=1, address='client')
+    send('REPLY', (32, 33), 1)
+    c.at(14 * MS)
+    c.ack('network to server', 34, call_id=1, address='client')
+    c.call(1, payload='01', copy=True, **TO_SERVER)
+    c.counts('server', 'stale_call')
+    return c
+
+
 def large_request_at_the_server():
     c = Delivery('large-request-at-the-server',
                  'Fragments in disorder, copies, and fragments that do not belong together. What '
@@ -227,10 +267,10 @@ def large_requests_left_unfinished():
         c.at(call_id * MS)
         send(0, call_id)
         c.ack('server to client', 1, 0, call_id)
-    c.at(2 * S)
+    c.at(1 * S + 500 * MS)
     send(0, 2)
     c.ack('server to client', 1, 0, 2)
-    c.at(2 * S + 900 * MS)
+    c.at(2 * S)
     send(0, 4)
     c.reply(4, status='overload')
     c.at(3 * S + 500 * MS)
@@ -429,6 +469,25 @@ def two_cookies():
     return c
 
 
+def flood_of_cookies():
+    c = Delivery('flood-of-cookies',
+                 'A forger answers a HELLO with 40 COOKIEs. The client answers one of them at '
+                 'once; the cookie of the last one goes with the next repetition.',
+                 ['hp-4.2-4'], roles=['client'])
+    c.client_opens()
+    c.hello()
+    c.cookie()
+    c.hello(cookie='cookie')
+    for number in range(2, 41):
+        c.cookie(cookie=f'cookie{number}')
+    c.at(10 * MS)
+    c.client_waits()
+    c.hello(cookie='cookie40', copy=True)
+    c.welcome()
+    c.client_sees('ready')
+    return c
+
+
 def order_of_judgement():
     c = Delivery('order-of-judgement',
                  'HELLOs with several faults each: the first in the order of hp-4.1-5 decides.',
@@ -506,11 +565,6 @@ def oneways_not_run():
     c.refuse('unknown_session', 5, 99)
     c.call(6, flags=REPLY_ON_RECEIPT, budget_us=0, **TO_SERVER)
     c.reply(6, status='expired')
-    c.call(7, flags=REPLY_ON_RECEIPT, **TO_SERVER)
-    c.server_runs(7, 1, 2, '', c.now + S)
-    c.step(server_does='receipt', call_id=7, status='no_such_object')
-    c.reply(7, status='no_such_object')
-    c.server_completes(7, 'no_such_object')
     # A oneway does not hold its place, a call does.
     c.call(8, flags=NO_REPLY, **TO_SERVER)
     c.server_runs(8, 1, 2, '', c.now + S)
@@ -519,6 +573,23 @@ def oneways_not_run():
     c.call(24, flags=NO_REPLY, **TO_SERVER)
     c.server_completes(16)
     c.reply(16)
+    return c
+
+
+def receipt_that_says_why():
+    c = Delivery('receipt-that-says-why',
+                 'A oneway on receipt that the server will not run, as it finds: its REPLY says '
+                 'why, and is kept like any other.', ['hp-5.8-3', 'hp-5.1-5'], roles=['server'])
+    c.handshake()
+    c.at(1 * MS)
+    c.call(1, flags=REPLY_ON_RECEIPT, **TO_SERVER)
+    c.server_runs(1, 1, 2, '', c.now + S)
+    c.step(server_does='receipt', call_id=1, status='no_such_object')
+    sent = c.now
+    c.reply(1, status='no_such_object')
+    c.server_completes(1, 'no_such_object')
+    c.call(1, flags=REPLY_ON_RECEIPT, copy=True, **TO_SERVER)
+    c.reply(1, status='no_such_object', copy=True, sender_time_ns=sent)
     return c
 
 
@@ -640,10 +711,11 @@ def malformed_closes():
 def conversations():
     return [
         large_request(), large_request_unanswered(), large_request_at_the_server(),
+        window_of_fragments('client'), window_of_fragments('server'),
         large_requests_left_unfinished(), large_reply(), large_reply_at_the_client(), ping(),
         several_calls(), unknown_status(), words_of_refusals(), refusal_with_payload(),
-        two_cookies(),
-        order_of_judgement(), oneways(), oneways_not_run(), cancelled_call(),
+        two_cookies(), flood_of_cookies(),
+        order_of_judgement(), oneways(), oneways_not_run(), receipt_that_says_why(), cancelled_call(),
         cancels_at_the_server(), items_that_nobody_takes(), server_stops(), malformed_closes(),
         ping_above_the_ceiling(),
     ]

@@ -228,7 +228,8 @@ def stream_without_a_client():
 def stream_without_a_server():
     c = Delivery('stream-without-a-server',
                  'Nothing comes of a stream any more: the client asks at least every 500 ms, and '
-                 '3 s after the first question takes it for lost.', ['hp-5.10-5', 'hp-5.10-7', 'hp-4.6-2'],
+                 '3 s after the first question takes it for lost, and says so by CANCEL.',
+                 ['hp-5.10-5', 'hp-5.10-7', 'hp-4.6-2', 'hp-5.9-4'],
                  roles=['client'])
     c.handshake()
     c.at(10 * MS)
@@ -395,6 +396,60 @@ def cancelled_stream():
     return c
 
 
+def refused_stream():
+    c = Delivery('refused-stream',
+                 'A stream that the server will not give: its REPLY may say why.',
+                 ['hp-5.10-12', 'hp-7-1'], roles=['client'])
+    c.handshake()
+    c.at(10 * MS)
+    words = 'this method gives no stream'.encode().hex()
+    c.asks_for_stream()
+    c.reply(status='bad_request', payload=words)
+    c.client_sees('result', status='bad_request', payload=words)
+    c.credit(0, 4)
+    return c
+
+
+def credits_of_no_stream():
+    c = Delivery('credits-of-no-stream',
+                 'CREDITs of a call that never came, and of one that is no stream.',
+                 ['hp-5.10-7', 'hp-8-1'], roles=['server'])
+    c.handshake()
+    c.at(10 * MS)
+    c.credit(0, 4, call_id=1, asks=True, **TO_SERVER)
+    c.refuse('lost', 1, 'session')
+    c.credit(0, 4, call_id=1, **TO_SERVER)
+    c.counts('server', 'unexpected')
+    c.call(2, **TO_SERVER)
+    c.server_runs(2, 1, 2, '', c.now + S)
+    c.credit(0, 4, call_id=2, asks=True, **TO_SERVER)
+    c.refuse('lost', 2, 'session')
+    c.credit(0, 4, call_id=2, **TO_SERVER)
+    c.counts('server', 'unexpected')
+    c.server_completes(2)
+    c.reply(2)
+    return c
+
+
+def impossible_ends():
+    c = Delivery('impossible-ends-of-a-stream',
+                 'REPLYs that end a stream before a frame which came, or far beyond what was '
+                 'granted, end nothing.', ['hp-5.10-6', 'hp-8-1'], roles=['client'])
+    c.handshake()
+    c.at(10 * MS)
+    c.asks_for_stream()
+    c.item(0)
+    c.item(1)
+    for count in (0, 1, 1000, 2**32 - 1):
+        c.reply(item=count, way='network to client')
+        c.counts('client', 'unexpected')
+    c.reply(item=2)
+    c.client_sees('result', status='ok', payload='')
+    c.credit(2, 4)
+    c.takes_items((0, 1))
+    return c
+
+
 def stream_on_tcp():
     c = Delivery('stream-tcp',
                  'On TCP nothing is lost, and nothing repeated; but the client asks, so that the '
@@ -429,4 +484,5 @@ def conversations():
         stream_whose_call_is_lost(), stream_at_the_server(), stream_without_a_client(),
         stream_without_a_server(), stream_that_pauses(), stream_for_as_long_as_its_connection(),
         large_items(), bytes_of_a_stream(), too_large_items(), cancelled_stream(), stream_on_tcp(),
+        refused_stream(), credits_of_no_stream(), impossible_ends(),
     ]

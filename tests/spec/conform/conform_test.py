@@ -3,6 +3,7 @@
 were put in are found.   conform_test.py FOLDER-OF-PROGRAMS TEST..."""
 
 import base64
+import contextlib
 import importlib.util
 import json
 import pathlib
@@ -82,20 +83,28 @@ class ExampleTest(ConformTest):
         self.assertEqual({one['outcome'] for one in conversations}, {'passed'}, ran.stdout)
 
 
+@contextlib.contextmanager
+def reference_server(*options):
+    """RTPM's installed server of lab.Arm; gives its address."""
+    server = subprocess.Popen(
+        [PROGRAMS / 'rtpm-reference-server', '--port', '0', '--realtime', 'off', *options],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        yield re.fullmatch(r'rtpm://(\S+)/lab/arm0', server.stdout.readline().strip()).group(1)
+    finally:
+        server.terminate()
+        _, errors = server.communicate(timeout=10)
+        if server.returncode != 0:
+            raise AssertionError(f'rtpm-reference-server: {server.returncode}: {errors}')
+
+
 class BlackBoxTest(ConformTest):
     def test_rtpm_as_it_is_passes(self):
-        server = subprocess.Popen([PROGRAMS / 'counting_server'], stdin=subprocess.PIPE,
-                                  stdout=subprocess.PIPE, text=True)
-        try:
-            address = server.stdout.readline().strip()
+        with reference_server() as address:
             passed = self.expect_all('server', BLACK_BOX_REASONS, '--address', address,
                                      '--wait-max', '6')
             self.assertLess({'bind-and-call-tcp', 'bind-and-call-udp', 'lost-call', 'late-copies',
                              'large-request', 'lost-connection-tcp'}, passed)
-        finally:
-            server.stdin.close()
-            server.stdout.close()
-            self.assertEqual(server.wait(10), 0)
 
 
 class SealedServerTest(ConformTest):
@@ -112,19 +121,15 @@ class SealedServerTest(ConformTest):
         own = noise.new_key()
         write_line(self.folder / 'own', f'rtpm25519 {base64.b64encode(own).decode()} conform')
         public = base64.b64encode(noise.public_of(own)).decode()
-        write_line(self.folder / 'authorized',
-                   f'rtpm25519 {public} name=conform role=administer on=**')
-        self.server = subprocess.Popen([PROGRAMS / 'counting_server', self.folder / 'authorized',
-                                        self.folder / 'server'], stdin=subprocess.PIPE,
-                                       stdout=subprocess.PIPE, text=True)
-        self.address = self.server.stdout.readline().strip()
+        second = noise.new_key()
+        write_line(self.folder / 'second', f'rtpm25519 {base64.b64encode(second).decode()} second')
+        lines = (f'rtpm25519 {key} name={name} role=administer on=**' for key, name in (
+            (public, 'conform'), (base64.b64encode(noise.public_of(second)).decode(), 'second')))
+        write_line(self.folder / 'authorized', '\n'.join(lines))
+        self.address = self.enterContext(reference_server(
+            '--authorized', self.folder / 'authorized', '--key', self.folder / 'server'))
         private = base64.b64decode((self.folder / 'server').read_text().split()[1])
         self.key = noise.public_of(private)
-
-    def tearDown(self):
-        self.server.stdin.close()
-        self.server.stdout.close()
-        self.assertEqual(self.server.wait(10), 0)
 
     def run_sealed(self, key, *options):
         return self.run_tool('sealed', '--address', self.address,
@@ -132,7 +137,7 @@ class SealedServerTest(ConformTest):
                              '--own-key', self.folder / 'own', *options)
 
     def test_rtpm_passes(self):
-        ran, results = self.run_sealed(self.key)
+        ran, results = self.run_sealed(self.key, '--second-key', self.folder / 'second')
         self.assertEqual(ran.returncode, 0, ran.stdout)
         self.assertEqual({one['outcome'] for one in results}, {'passed'}, ran.stdout)
         self.assertGreater(len(results), 30)
@@ -141,6 +146,53 @@ class SealedServerTest(ConformTest):
         ran, _ = self.run_sealed(b'Z' * 32, '--only', 'both-suites')
         self.assertEqual(ran.returncode, 1, ran.stdout)
         self.assertIn('its COOKIE shows another key', ran.stdout)
+
+
+class SealedFaultTest(ConformTest):
+    """Faults of another server of level S."""
+
+    def setUp(self):
+        if importlib.util.find_spec('cryptography') is None:
+            self.skipTest('[  SKIPPED ] needs the Debian package python3-cryptography')
+        sys.path.insert(0, str(SOURCE / 'spec' / 'vectors' / 'generator'))
+        import noise
+        self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
+        self.key = noise.new_key()
+        self.publics = []
+        for name in ('own', 'second'):
+            private = noise.new_key()
+            write_line(self.folder / name, f'rtpm25519 {base64.b64encode(private).decode()} {name}')
+            self.publics.append(base64.b64encode(noise.public_of(private)).decode())
+        self.public = base64.b64encode(noise.public_of(self.key)).decode()
+
+    def run_against(self, only, *faults):
+        server = subprocess.Popen(
+            [sys.executable, pathlib.Path(__file__).with_name('sealed_server.py'),
+             base64.b64encode(self.key).decode(), *self.publics, *faults],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        try:
+            return self.run_tool('sealed', '--address', server.stdout.readline().strip(),
+                                 '--medium', 'udp', '--server-key', self.public,
+                                 '--own-key', self.folder / 'own',
+                                 '--second-key', self.folder / 'second',
+                                 *(f'--only={one}' for one in only))
+        finally:
+            server.stdin.close()
+            server.stdout.close()
+            server.wait(10)
+
+    def test_faults_are_found(self):
+        faults = {'--keeps-half-open': ('half-open-sessions-end', 'sec-6-1'),
+                  '--tells-all-keys': ('a-session-is-told-of-to-no-other-key', 'sec-6-4'),
+                  '--admits-all': ('unknown-keys-are-not-admitted', 'sec-3.2-2')}
+        ran, _ = self.run_against([check for check, _ in faults.values()])
+        self.assertEqual(ran.returncode, 0, ran.stdout)
+        for fault, (check, rule) in faults.items():
+            with self.subTest(fault=fault):
+                ran, results = self.run_against([check], fault)
+                self.assertEqual(ran.returncode, 1, ran.stdout)
+                failed = [one for one in results if one['outcome'] == 'failed']
+                self.assertEqual([one['rules'] for one in failed], [[rule]], ran.stdout)
 
 
 def write_line(path, line):
@@ -169,6 +221,18 @@ class FaultTest(ConformTest):
     def test_a_client_that_repeats_too_rarely_fails(self):
         self.expect_fault('client', 'stream-whose-call-is-lost', 'hp-5.3-3',
                           '--repeats-rarely', patience_s=3)
+
+    def test_a_server_that_states_no_run_time_fails(self):
+        self.expect_fault('server', 'slow-method', 'hp-5.7-1', '--states-no-run-time')
+
+    def test_a_client_that_numbers_its_handshakes_from_1_fails(self):
+        self.expect_fault('client', 'stream-', 'hp-4-2', '--numbers-from-one', patience_s=5)
+
+    def test_a_client_that_answers_every_cookie_fails(self):
+        self.expect_fault('client', 'flood-of-cookies', 'hp-4.2-4', '--answers-every-cookie')
+
+    def test_a_client_that_tells_of_no_gap_fails(self):
+        self.expect_fault('client', 'gaps-of-a-stream', 'hp-5.10-4', '--tells-no-gap')
 
     def test_frames_that_can_not_be_given_are_told_of(self):
         ran, _ = self.run_tool('client', '--only', 'strays',

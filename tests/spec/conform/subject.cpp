@@ -171,6 +171,8 @@ std::vector<std::byte> with_faults(ConstBytes frame, const Faults& faults) {
     std::swap_ranges(at(16), at(20), at(20));
   if (faults.states_no_budget && kind == wire::FrameKind::kCall)
     std::fill(at(40), at(44), std::byte{0});
+  if (faults.states_no_run_time && kind == wire::FrameKind::kReply)
+    std::fill(at(40), at(44), std::byte{0});
   if (faults.shifts_cookie && kind == wire::FrameKind::kHello) {
     std::copy_backward(at(104), at(120), at(128));
     std::fill(at(104), at(112), std::byte{0});
@@ -222,7 +224,11 @@ int main(int argument_count, char** arguments) {
       {"--hides-address", &Faults::hides_address},
       {"--hangs-on", &Faults::hangs_on},
       {"--repeats-rarely", &Faults::repeats_rarely},
-      {"--clears-flags", &Faults::clears_flags}};
+      {"--clears-flags", &Faults::clears_flags},
+      {"--states-no-run-time", &Faults::states_no_run_time},
+      {"--numbers-from-one", &Faults::numbers_from_one},
+      {"--answers-every-cookie", &Faults::answers_every_cookie},
+      {"--tells-no-gap", &Faults::tells_no_gap}};
   Faults faults;
   for (int i = 1; i < argument_count; ++i) {
     const auto flag = flags.find(arguments[i]);

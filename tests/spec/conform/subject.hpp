@@ -42,14 +42,18 @@ void say(const std::string& line);
 
 /// The subject's deliberate faults, which the tool has to find.
 struct Faults {
-  bool runs_copies = false;       ///< A server runs a copy of a call again.
-  bool swaps_numbers = false;     ///< A server swaps call_id and service.
-  bool states_no_budget = false;  ///< A client's budget_us is 0.
-  bool shifts_cookie = false;     ///< A client writes the cookie 8 bytes too late.
-  bool hides_address = false;     ///< A client hides its address until it is heard.
-  bool hangs_on = false;          ///< A client stays connected where the stream is broken.
-  bool repeats_rarely = false;    ///< A client does not repeat a call sooner than after 2 s.
-  bool clears_flags = false;      ///< Either side ignores all flags but the first two.
+  bool runs_copies = false;           ///< A server runs a copy of a call again.
+  bool swaps_numbers = false;         ///< A server swaps call_id and service.
+  bool states_no_budget = false;      ///< A client's budget_us is 0.
+  bool shifts_cookie = false;         ///< A client writes the cookie 8 bytes too late.
+  bool hides_address = false;         ///< A client hides its address until it is heard.
+  bool hangs_on = false;              ///< A client stays connected where the stream is broken.
+  bool repeats_rarely = false;        ///< A client does not repeat a call sooner than after 2 s.
+  bool clears_flags = false;          ///< Either side ignores all flags but the first two.
+  bool states_no_run_time = false;    ///< A server's budget_us in REPLY is 0.
+  bool numbers_from_one = false;      ///< A client's first handshake number is 1.
+  bool answers_every_cookie = false;  ///< A client answers each COOKIE with its HELLO.
+  bool tells_no_gap = false;          ///< A client tells of gaps when it asks, not before.
 };
 /// Returns the frame that is read instead of `frame`.
 [[nodiscard]] std::vector<std::byte> as_read(ConstBytes frame, const Faults& faults);

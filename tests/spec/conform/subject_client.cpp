@@ -2,6 +2,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <deque>
 #include <map>
@@ -19,7 +20,7 @@ namespace {
 
 using wire::ChannelEvent;
 
-wire::ClientChannelConfig config_of(const Line& setup) {
+wire::ClientChannelConfig config_of(const Line& setup, const Faults& faults) {
   wire::ClientChannelConfig config;
   config.medium = medium_of(setup);
   config.client_epoch = random_number();
@@ -27,7 +28,10 @@ wire::ClientChannelConfig config_of(const Line& setup) {
   config.clock_domain = setup.number("clock_domain");
   config.message_size_max = static_cast<std::uint32_t>(setup.number("message_size_max"));
   config.open_call_max = wire::kCallWindow;
-  config.handshake_number = static_cast<std::uint32_t>(random_number());
+  // The channel's first handshake has the number behind it.
+  if (!faults.numbers_from_one) {
+    config.handshake_number = static_cast<std::uint32_t>(random_number());
+  }
   return config;
 }
 
@@ -38,7 +42,7 @@ class ClientSide final : public Side {
         message_size_max_(static_cast<std::uint32_t>(setup.number("message_size_max"))),
         faults_(faults),
         server_(address_of(setup.value("address"))),
-        channel_(config_of(setup), buffer_) {
+        channel_(config_of(setup, faults), buffer_) {
     channel_.set_on_host(true);
     std::string ready = "ready";
     if (medium_ == wire::Medium::kDatagram) {
@@ -130,7 +134,23 @@ class ClientSide final : public Side {
     if (frame.empty() || socket_ < 0) return;
     const auto sent = with_faults(frame, faults_);
     if (faults_.repeats_rarely && is_early_copy(sent)) return;
+    if (faults_.tells_no_gap && tells_gap(sent)) return;
+    if (sent[3] == static_cast<std::byte>(wire::FrameKind::kHello)) hello_ = sent;
     (void)::send(socket_, sent.data(), sent.size(), MSG_NOSIGNAL);
+  }
+  static bool tells_gap(ConstBytes frame) {
+    const auto header = wire::decode(frame);
+    return header && header->kind == wire::FrameKind::kCredit &&
+           (header->flags & wire::kFlagAckWanted) == 0 &&
+           load_le<std::uint64_t>(frame.data() + wire::kHeaderSize + 8) != 0;
+  }
+  /// The fault: an answer to a COOKIE that the channel did not answer at once.
+  void answer_cookie(ConstBytes frame) {
+    const auto header = wire::decode(frame);
+    if (!header || header->kind != wire::FrameKind::kCookie || hello_.empty()) return;
+    std::ranges::copy(frame.subspan(wire::kHeaderSize), hello_.begin() + wire::kHeaderSize + 40);
+    wire::mark_repeated(hello_.data());
+    send(std::vector<std::byte>(hello_));
   }
   bool is_early_copy(ConstBytes frame) {
     const auto header = wire::decode(frame);
@@ -180,6 +200,7 @@ class ClientSide final : public Side {
       event = channel_.on_frame(frame, rt::now());
     }
     if (event.kind == ChannelEvent::Kind::kLost) lost_ = open;
+    if (faults_.answers_every_cookie && event.frame.empty()) answer_cookie(frame);
     report(event);
     if (event.kind == ChannelEvent::Kind::kReady) judge_lost();
   }
@@ -291,6 +312,7 @@ class ClientSide final : public Side {
   sockaddr_in server_;
   int socket_ = -1;
   MonotonicTime call_sent_{};
+  std::vector<std::byte> hello_;  ///< The last one that was sent.
   FrameSplitter splitter_;
   alignas(64) std::array<std::byte, wire::kStreamFrameSizeMax> buffer_{};
   std::deque<std::vector<std::byte>> payloads_;

@@ -1,11 +1,13 @@
 // The worked payloads of spec/payloads.md, read from that page: RTPM's generated code writes and
-// reads exactly these bytes, and the page's tables describe each of them.
+// reads exactly these bytes, and the page's tables describe each of them. So it does with the structs
+// whose bytes spec/idl/services.json states.
 
 #include <gtest/gtest.h>
 
 #include <array>
 #include <cstring>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <regex>
 #include <sstream>
 #include <string>
@@ -128,6 +130,70 @@ TEST(PayloadExamples, DeviceCommand) {
                              std::array<double, 8>{}, std::array<float, 8>{}, 0x1122334455667788, 7,
                              20'000, device::CommandMode::Force);
   EXPECT_EQ(std::memcmp(&same, octets.data(), sizeof same), 0);
+}
+
+/// A struct as spec/idl/services.json publishes it.
+class PublishedStruct {
+ public:
+  explicit PublishedStruct(const std::string& name) {
+    std::ifstream file(RTPM_SPEC_DIR "/idl/services.json");
+    const nlohmann::json all = nlohmann::json::parse(file);
+    for (const auto& one : all.at("structs"))
+      if (one.at("struct") == name) layout_ = one;
+  }
+  [[nodiscard]] std::size_t size() const { return layout_.value("size", std::size_t{0}); }
+  /// The field's offset; fails the test, and gives 0, for an unknown field.
+  [[nodiscard]] std::size_t offset(const std::string& field) const {
+    for (const auto& one : layout_.at("fields"))
+      if (one.at("name") == field) return one.at("offset");
+    ADD_FAILURE() << "services.json has no " << field;
+    return 0;
+  }
+  [[nodiscard]] const nlohmann::json& fields() const { return layout_.at("fields"); }
+
+ private:
+  nlohmann::json layout_;
+};
+
+template <class T>
+void put(Octets& octets, std::size_t offset, T value) {
+  ASSERT_LE(offset + sizeof value, octets.size());
+  std::memcpy(octets.data() + offset, &value, sizeof value);
+}
+
+TEST(PublishedStructs, HaveTheBytesOfOurCode) {
+  const PublishedStruct sample("rtpm.device.Sample");
+  const PublishedStruct vector("rtpm.device.Vector3");
+  ASSERT_EQ(sample.size(), sizeof(device::Sample));
+  ASSERT_EQ(vector.size(), sizeof(device::Vector3));
+  Octets octets(sample.size());
+  put(octets, sample.offset("sequence"), std::uint64_t{7});
+  put(octets, sample.offset("force_newton") + vector.offset("y"), 1.5);
+  put(octets, sample.offset("joints") + 7 * sizeof(double), -2.5);
+  put(octets, sample.offset("button_edges") + 15 * sizeof(std::uint16_t), std::uint16_t{9});
+  put(octets, sample.offset("success_rate"), 0.75F);
+  put(octets, sample.offset("lifecycle"), std::uint8_t{3});
+  const auto* read = reinterpret_cast<const device::Sample*>(octets.data());
+  EXPECT_EQ(read->sequence(), 7U);
+  EXPECT_EQ(read->force_newton().y(), 1.5);
+  EXPECT_EQ(read->joints()->Get(7), -2.5);
+  EXPECT_EQ(read->button_edges()->Get(15), 9U);
+  EXPECT_EQ(read->success_rate(), 0.75F);
+  EXPECT_EQ(static_cast<int>(read->lifecycle()), 3);
+  EXPECT_EQ(PublishedStruct("rtpm.names.OwnerId").size(), sizeof(names::OwnerId));
+}
+
+TEST(PublishedStructs, HaveFieldsOneBehindTheOther) {
+  for (const char* name : {"rtpm.device.Sample", "rtpm.device.Command", "rtpm.device.Lease"}) {
+    const PublishedStruct one(name);
+    std::size_t end = 0;
+    for (const auto& field : one.fields()) {
+      EXPECT_GE(field.at("offset").get<std::size_t>(), end) << name << field;
+      end = field.at("offset").get<std::size_t>() + field.at("size").get<std::size_t>();
+    }
+    EXPECT_GT(end, 0U);
+    EXPECT_LE(end, one.size());
+  }
 }
 
 }  // namespace

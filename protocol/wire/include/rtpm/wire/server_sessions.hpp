@@ -213,6 +213,7 @@ class ServerSessions {
     std::uint16_t large = LargeMessages::kNone;   ///< A large request or reply.
     std::uint16_t stream = ServerStreams::kNone;  ///< Kept until all items have arrived.
     std::uint32_t tag = 0;                        ///< From set_tag(), while the call runs.
+    MonotonicTime deadline{};                     ///< When its caller stops waiting.
   };
   struct Session {
     std::uint64_t id = 0;  ///< 0 if free.
