@@ -99,9 +99,16 @@ Duration Binding::deadline_of(std::size_t index, const rpc::CallOptions& options
   return usual > Duration{0} ? usual : node_->node.config().default_deadline;
 }
 
+std::vector<std::byte> Binding::encode(std::size_t index, nb::handle request) {
+  auto bytes = schema_.codec().encode(method(index).request, request);
+  const std::optional<std::uint32_t> size_max = method(index).max_size;
+  if (size_max && bytes.size() > *size_max) fail(index, rpc::CallError::kTooLarge);
+  return bytes;
+}
+
 nb::object Binding::call(std::size_t index, nb::handle request, std::optional<int> priority,
                          std::optional<double> deadline, const CallScope* scope) {
-  const auto bytes = schema_.codec().encode(method(index).request, request);
+  const auto bytes = encode(index, request);
   const rpc::CallOptions options = this->options(index, priority, deadline, scope);
   if (method(index).oneway) {
     send(index, bytes, options);
@@ -124,7 +131,7 @@ nb::list Binding::call_many(std::size_t index, nb::handle requests, std::optiona
   for (const nb::handle request : nb::iter(requests)) {
     const RunsPython step;
     if (open.size() == kWindow) take();
-    open.push_back(begin(index, schema_.codec().encode(method(index).request, request), options));
+    open.push_back(begin(index, encode(index, request), options));
   }
   while (!open.empty())
     take();
@@ -136,7 +143,7 @@ std::unique_ptr<Stream> Binding::open_stream(std::size_t index, nb::handle reque
                                              std::optional<double> deadline, const CallScope* scope,
                                              std::uint32_t window) {
   if (window < 1 || window > 32) raise_value_error("window takes 1 to 32");
-  const auto bytes = schema_.codec().encode(method(index).request, request);
+  const auto bytes = encode(index, request);
   const rpc::StreamOptions options{.call = this->options(index, priority, deadline, scope),
                                    .window = window};
   auto reader = [&] {

@@ -68,9 +68,8 @@ class Binding {
   [[nodiscard]] rpc::CallOptions options(std::size_t index, std::optional<int> priority,
                                          std::optional<double> deadline,
                                          const CallScope* scope) const;
-  [[nodiscard]] std::vector<std::byte> encode(std::size_t index, nanobind::handle request) const {
-    return schema_.codec().encode(method(index).request, request);
-  }
+  /// @errors as Codec::encode(), and raises TooLarge: larger than the method's `rtpm_max_size`
+  [[nodiscard]] std::vector<std::byte> encode(std::size_t index, nanobind::handle request);
   /// Sends a call, and does not wait for its reply. If no channel is open that is free, it opens one
   /// first, which may take until the deadline.
   /// @threads any

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -72,6 +73,10 @@ class Job {
 
   /// The argument; None after a refusal, because the bytes are not a request of the method.
   nb::object request() {
+    if (call_.request.size() > size_max()) {
+      end(wire::Status::kTooLarge);
+      return nb::none();
+    }
     const std::string reason = schema_.codec().refusal(method_.request, call_.request);
     if (!reason.empty()) {
       refuse("BadRequest", reason);
@@ -85,7 +90,7 @@ class Job {
     const auto bytes = schema_.codec().encode(method_.reply, value);
     if (!call_.reply) return;
     const MutableBytes buffer = call_.reply.buffer();
-    if (bytes.size() > buffer.size()) {
+    if (bytes.size() > std::min<std::size_t>(buffer.size(), size_max())) {
       call_.reply.complete(wire::Status::kTooLarge);
       return;
     }
@@ -104,10 +109,7 @@ class Job {
   }
 
   /// Ends a call whose caller no longer waits.
-  void expire() {
-    if (call_.reply) call_.reply.complete(wire::Status::kExpired);
-    if (call_.items) call_.items.finish();
-  }
+  void expire() { end(wire::Status::kExpired); }
 
   /// Writes an item as soon as the caller takes more; false if it takes no more.
   bool write(nb::handle value) {
@@ -118,14 +120,14 @@ class Job {
       constexpr Duration kPause = std::chrono::milliseconds{1};
       const MonotonicTime end = rt::now() + kSlice;
       while (true) {
-        written = call_.items.write(bytes);
+        written = call_.items.write(bytes, size_max());
         if (written || written.error() != rpc::StreamError::kFull) return true;
         if (rt::now() >= end) return false;
         rt::sleep_until(rt::now() + kPause);
       }
     });
     if (!written && written.error() == rpc::StreamError::kTooLarge) {
-      raise_value_error("the item is larger than the caller takes");
+      raise_value_error("the item is larger than its caller or the schema allows");
     }
     return written.has_value();
   }
@@ -134,6 +136,15 @@ class Job {
   }
 
  private:
+  /// The limit of a request, a reply or an item, in bytes.
+  std::uint32_t size_max() const noexcept {
+    return method_.max_size.value_or(std::numeric_limits<std::uint32_t>::max());
+  }
+  void end(wire::Status status) noexcept {
+    if (call_.reply) call_.reply.complete(status);
+    if (call_.items) call_.items.finish(status);
+  }
+
   Call call_;
   nb::object schema_object_;
   const Schema& schema_;

@@ -37,6 +37,7 @@ ATTRIBUTES = (
             "rtpm_stream",
             "rtpm_oneway",
             "rtpm_idempotent",
+            "rtpm_max_size",
         )
     )
     + "namespace rtpm; table Empty {}\n"
@@ -98,6 +99,13 @@ def test_structs_tables_and_nothing_go_both_ways(lab: Any, client: Any) -> None:
 
 def test_a_large_message_goes_both_ways(lab: Any, client: Any) -> None:
     assert len(client.repeat(lab.Text(text="x" * 500_000), deadline=10).text) == 1_000_000
+
+
+@pytest.mark.parametrize("size", [1_200_000, 600_000], ids=["request", "reply"])
+def test_a_message_beyond_the_methods_limit_is_refused(lab: Any, client: Any, size: int) -> None:
+    with pytest.raises(rtpm.TooLarge):
+        client.repeat(lab.Text(text="x" * size), deadline=10)
+    assert client.repeat(lab.Text(text="x")).text == "xx"
 
 
 def test_a_server_describes_its_own_objects(lab: Any, served: Any, node: rtpm.Node) -> None:
