@@ -6,8 +6,11 @@
 
 #include "graph/connection_graph.hpp"
 #include "live/state_json.hpp"
+#include "rtpm/names/defaults.hpp"
+#include "rtpm/names/registry_list.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/utc.hpp"
+#include "rtpm/wire/url.hpp"
 #include "web/host_name.hpp"
 
 namespace rtpm::console {
@@ -39,6 +42,12 @@ constexpr std::size_t kGarbageCountMax = 10;
 gvd::StopDeliveryConfig stop_config(const Configuration& configuration) {
   const bool is_url = configuration.events.starts_with("rtpm://");
   return {.where = configuration.registry, .hub = is_url ? configuration.events : ""};
+}
+
+/// The URLs of the registry, "URL,URL"; this host's registry if it is not named by URLs.
+std::vector<std::string> registry_urls(std::string_view registry) {
+  return names::registries_of(registry.starts_with("rtpm://") ? registry
+                                                              : names::kDefaultRegistryUrl);
 }
 
 }  // namespace
@@ -223,6 +232,33 @@ void Console::on_close(Connection& connection, MonotonicTime since) {
 
 std::optional<Download> Console::take_download(std::string_view ticket) {
   return downloads_.take(ticket, rt::now());
+}
+
+std::vector<ServerAddress> Console::gateway_addresses(std::string_view to) const {
+  std::vector<ServerAddress> addresses;
+  const auto add = [&](std::string_view url) {
+    const auto parsed = wire::parse_url(url);
+    if (!parsed) return;
+    for (const std::string& host : parsed->hosts) {
+      ServerAddress address{host, parsed->port};
+      if (std::ranges::count(addresses, address) == 0) addresses.push_back(std::move(address));
+    }
+  };
+  if (to == kGatewayToNames) {
+    for (const std::string& url : registry_urls(configuration_.registry))
+      add(url);
+    for (const ObjectView& object : objects_.objects)
+      add(object.service_url);
+    return addresses;
+  }
+  const bool is_bound = std::ranges::any_of(objects_.objects, [&](const ObjectView& object) {
+    const auto url = wire::parse_url(object.url);
+    return url && std::ranges::any_of(url->hosts, [&](const std::string& host) {
+             return wire::host_and_port(host, url->port) == to;
+           });
+  });
+  if (is_bound) add("rtpm://" + std::string(to) + "/x");
+  return addresses;
 }
 
 void Console::on_text(Connection& connection, std::string_view text) {

@@ -34,6 +34,7 @@
 #include "services/object_services.hpp"
 #include "sessions/clients.hpp"
 #include "web/connection.hpp"
+#include "web/gateway.hpp"
 #include "work/periodic_thread.hpp"
 #include "work/worker_pool.hpp"
 
@@ -42,7 +43,7 @@ namespace rtpm::console {
 /// The page's server side: answers clients, and watches the system for them.
 /// @ownership refers to its node
 /// @threads  the web server's thread, except for start() and stop()
-class Console final : public ConnectionHandler, public DownloadSource {
+class Console final : public ConnectionHandler, public DownloadSource, public GatewayTargets {
  public:
   Console(rpc::Node& node, const Configuration& configuration, Post post);
   ~Console() override;
@@ -59,6 +60,7 @@ class Console final : public ConnectionHandler, public DownloadSource {
   void on_binary(Connection& connection, ConstBytes bytes) override;
   void on_close(Connection& connection, MonotonicTime since) override;
   [[nodiscard]] std::optional<Download> take_download(std::string_view ticket) override;
+  [[nodiscard]] std::vector<ServerAddress> gateway_addresses(std::string_view to) const override;
 
  private:
   [[nodiscard]] expected<void, SetupError> start_threads();

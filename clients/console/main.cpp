@@ -74,7 +74,7 @@ int serve(Configuration configuration) {
                 .is_read_only = configuration.is_read_only,
                 .host_names = configuration.host_names};
   if (!is_loopback(configuration.address)) web.host_names.push_back(host_name());
-  auto created = WebServer::create(std::move(web), console, console);
+  auto created = WebServer::create(std::move(web), console, console, console);
   if (!created) return fail(created.error());
   server = created->get();
   const auto started = console.start([server](Duration period, std::function<void()> work) {

@@ -1,5 +1,9 @@
-# One step of building the page, run by CMakeLists.txt beside it:
-# cmake -DSTEP=install|build|test -DNPM= -DSOURCE= -DWORK= -DFILES=a,b -P build.cmake
+# One step of building the page, or another npm package, run by its CMakeLists.txt:
+# cmake -DSTEP=install|build|test -DNPM= -DSOURCE= -DWORK= -DFILES=a,b [-DWHAT=] [-DTEST=SCRIPT]
+#   -P build.cmake
+if(NOT WHAT)
+  set(WHAT "the page of rtpm-console")
+endif()
 string(REPLACE "," ";" files "${FILES}")
 
 # Copies the step's files; those that are the same keep their time.
@@ -36,24 +40,27 @@ elseif(STEP STREQUAL build)
   file(REMOVE "${WORK}/built")
   if(EXISTS "${WORK}/installed")
     # What has left the sources leaves the copy, too.
-    foreach(folder src public mock tests)
+    foreach(folder src public mock test tests dist)
       file(REMOVE_RECURSE "${WORK}/${folder}")
     endforeach()
     copy_files()
     run_npm(is_done run --silent build)
     if(NOT is_done)
-      message(FATAL_ERROR "The page of rtpm-console does not build:\n${output}")
+      message(FATAL_ERROR "${WHAT} does not build:\n${output}")
     endif()
     file(TOUCH "${WORK}/built")
   endif()
 elseif(STEP STREQUAL test)
+  if(NOT TEST)
+    set(TEST test)
+  endif()
   if(NOT EXISTS "${WORK}/built")
-    message(NOTICE "SKIPPED: the page is not built, because npm can't install its packages.")
+    message(NOTICE "SKIPPED: ${WHAT} is not built, because npm can't install its packages.")
     return()
   endif()
-  run_npm(is_done run --silent test)
+  run_npm(is_done run --silent ${TEST})
   message(NOTICE "${output}")
   if(NOT is_done)
-    message(FATAL_ERROR "The unit tests of the page fail; see above.")
+    message(FATAL_ERROR "The tests of ${WHAT} fail; see above.")
   endif()
 endif()

@@ -63,15 +63,17 @@ std::optional<RequestTarget> read_target(std::string_view target) {
   const std::size_t mark = std::min(target.find('?'), target.size());
   auto path = decoded(target.substr(0, mark));
   if (!path) return std::nullopt;
-  RequestTarget read{std::move(*path), {}};
+  RequestTarget read{std::move(*path), {}, {}};
   std::string_view query = target.substr(std::min(mark + 1, target.size()));
   while (!query.empty()) {
     const std::size_t end = std::min(query.find('&'), query.size());
     const std::string_view part = query.substr(0, end);
-    if (part.starts_with("token=")) {
-      auto token = decoded(part.substr(6));
-      if (!token) return std::nullopt;
-      read.token = std::move(*token);
+    const std::size_t equals = std::min(part.find('='), part.size());
+    const std::string_view name = part.substr(0, equals);
+    if (name == "token" || name == "to") {
+      auto value = decoded(part.substr(std::min(equals + 1, part.size())));
+      if (!value) return std::nullopt;
+      (name == "token" ? read.token : read.to) = std::move(*value);
     }
     query.remove_prefix(std::min(end + 1, query.size()));
   }
@@ -102,14 +104,18 @@ bool is_own_origin(std::string_view origin, std::string_view host) {
 
 std::string_view choose_subprotocol(std::string_view offered) {
   for (const std::string_view spoken : foxglove::kSubprotocols) {
-    std::string_view rest = offered;
-    while (!rest.empty()) {
-      const std::size_t end = std::min(rest.find(','), rest.size());
-      if (trimmed(rest.substr(0, end)) == spoken) return spoken;
-      rest.remove_prefix(std::min(end + 1, rest.size()));
-    }
+    if (offers_subprotocol(offered, spoken)) return spoken;
   }
   return {};
+}
+
+bool offers_subprotocol(std::string_view offered, std::string_view wanted) {
+  while (!offered.empty()) {
+    const std::size_t end = std::min(offered.find(','), offered.size());
+    if (trimmed(offered.substr(0, end)) == wanted) return true;
+    offered.remove_prefix(std::min(end + 1, offered.size()));
+  }
+  return false;
 }
 
 std::string_view media_type(std::string_view file) {

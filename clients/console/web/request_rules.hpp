@@ -14,6 +14,7 @@ namespace rtpm::console {
 struct RequestTarget {
   std::string path{};   ///< Decoded.
   std::string token{};  ///< Empty if none.
+  std::string to{};     ///< For the gateway; empty if none.
 };
 /// @return nullopt if malformed, or if the path contains an invalid byte
 [[nodiscard]] std::optional<RequestTarget> read_target(std::string_view target);
@@ -29,6 +30,9 @@ struct RequestTarget {
 /// Selects the answer to `offered`, a Sec-WebSocket-Protocol header; empty if RTPM supports none of
 /// the offered sub-protocols.
 [[nodiscard]] std::string_view choose_subprotocol(std::string_view offered);
+
+/// Whether `offered`, a Sec-WebSocket-Protocol header, has `wanted`.
+[[nodiscard]] bool offers_subprotocol(std::string_view offered, std::string_view wanted);
 
 /// The media type, by the file name; "application/octet-stream" if unknown.
 [[nodiscard]] std::string_view media_type(std::string_view file);

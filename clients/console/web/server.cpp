@@ -1,6 +1,7 @@
 #include "web/server.hpp"
 
 #include <algorithm>
+#include <boost/asio/connect.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
@@ -20,6 +21,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "web/frame_budget.hpp"
+#include "web/gateway_session.hpp"
 #include "web/places.hpp"
 #include "web/request_rules.hpp"
 #include "web/token.hpp"
@@ -47,6 +49,8 @@ constexpr auto kEndTime = std::chrono::milliseconds{500};
 /// How long a client may take for a block of a download.
 constexpr auto kBlockTime = std::chrono::seconds{60};
 constexpr std::size_t kBlockSize = std::size_t{256} << 10;
+/// How long a server of the registry may take to accept a connection.
+constexpr auto kConnectTime = std::chrono::seconds{2};
 constexpr std::string_view kDownloadPath = "/download/";
 constexpr std::uint32_t kHeaderSizeMax = 8 * 1024;
 constexpr std::uint64_t kBodySizeMax = 1024;
@@ -85,10 +89,12 @@ class HttpSession;
 class WebSocketSession;
 
 struct WebServer::Impl {
-  Impl(WebConfig wanted, ConnectionHandler& answering, DownloadSource& offering)
+  Impl(WebConfig wanted, ConnectionHandler& answering, DownloadSource& offering,
+       const GatewayTargets& reachable)
       : config(std::move(wanted)),
         handler(answering),
         source(offering),
+        targets(reachable),
         acceptor(context),
         retry(context) {}
 
@@ -102,6 +108,7 @@ struct WebServer::Impl {
   WebConfig config;
   ConnectionHandler& handler;
   DownloadSource& source;
+  const GatewayTargets& targets;
   // Must outlive the context, whose destructor destroys the remaining sessions and their places.
   std::size_t socket_count = 0;
   PlaceTable requests{kRequestCountMax};
@@ -109,6 +116,7 @@ struct WebServer::Impl {
   PlaceTable operators{kOperatorCountMax};
   PlaceTable leaving{kLeavingCountMax};
   PlaceTable downloads{kDownloadCountMax};
+  GatewayTable gateways{};
   asio::io_context context{1};
   tcp::acceptor acceptor;
   asio::steady_timer retry;
@@ -334,7 +342,7 @@ class WebSocketSession final : public Connection,
   OutgoingFrame sending_{};
 };
 
-/// A socket that speaks HTTP, until it ends or becomes a WebSocketSession.
+/// A socket that speaks HTTP, until it ends, or becomes a WebSocketSession or a GatewaySession.
 class HttpSession final : public std::enable_shared_from_this<HttpSession> {
  public:
   HttpSession(WebServer::Impl& server, tcp::socket socket, SocketCount count)
@@ -378,7 +386,9 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
     }
     const auto target = read_target(text_of(request.target()));
     if (!target) return refuse(http::status::bad_request, "the target is malformed");
-    if (websocket::is_upgrade(request)) return upgrade(*target);
+    if (websocket::is_upgrade(request)) {
+      return target->path == kGatewayPath ? connect(*target) : upgrade(*target);
+    }
     if (request.method() != http::verb::get && request.method() != http::verb::head) {
       return refuse(http::status::method_not_allowed, "only GET and HEAD are answered");
     }
@@ -409,6 +419,58 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
     auto session = std::make_shared<WebSocketSession>(
         server_, std::move(stream_), std::move(count_), has_token, has_wrong_token);
     session->start(request, std::string(subprotocol));
+  }
+
+  /// Connects a page to a server of the registry.
+  void connect(const RequestTarget& target) {
+    const auto& request = parser_->get();
+    if (!offers_subprotocol(text_of(request[http::field::sec_websocket_protocol]),
+                            kGatewaySubprotocol)) {
+      return refuse(http::status::bad_request,
+                    "the client must offer the sub-protocol " + std::string(kGatewaySubprotocol));
+    }
+    // Through it a page may call every method that the console may.
+    if (server_.config.is_read_only) return refuse(http::status::forbidden, std::string(kReadOnly));
+    if (!is_same_token(target.token, server_.config.token))
+      return refuse(http::status::forbidden, std::string(kNoToken));
+    if (server_.gateways.places.is_full()) {
+      return refuse(http::status::service_unavailable,
+                    std::to_string(kGatewayCountMax) + " connections to servers are open already");
+    }
+    endpoints_.clear();
+    for (const ServerAddress& address : server_.targets.gateway_addresses(target.to)) {
+      error_code error;
+      const auto host = asio::ip::make_address(address.host, error);
+      if (!error) endpoints_.emplace_back(host, address.port);
+    }
+    if (endpoints_.empty()) {
+      return refuse(http::status::not_found, "the registry names no object of a server at '" +
+                                                 printable(target.to, 64) + "'");
+    }
+    connecting_.emplace(server_.context);
+    connecting_->expires_after(kConnectTime);
+    stream_.expires_never();
+    connecting_->async_connect(endpoints_,
+                               [self = shared_from_this()](error_code error, const tcp::endpoint&) {
+                                 self->connected(error);
+                               });
+  }
+
+  void connected(error_code error) {
+    if (error) {
+      return refuse(http::status::bad_gateway,
+                    "the server can't be reached: " + printable(error.message(), 64));
+    }
+    error_code ignored;
+    connecting_->socket().set_option(tcp::no_delay(true), ignored);
+    connecting_->expires_never();
+    if (server_.is_ending || server_.gateways.places.is_full()) return close();
+    place_.reset();
+    std::string peer = peer_of(stream_.socket());
+    const auto session = std::make_shared<GatewaySession>(
+        server_.gateways, std::move(peer), std::move(stream_), std::move(*connecting_),
+        std::make_shared<SocketCount>(std::move(count_)));
+    session->start(parser_->get());
   }
 
   /// Sends the file of a ticket: "/download/TICKET/run.csv".
@@ -549,7 +611,9 @@ class HttpSession final : public std::enable_shared_from_this<HttpSession> {
   Download download_{};
   std::ifstream file_{};  ///< Used by the reader while this is in `reading`.
   std::vector<char> block_{};
-  std::uintmax_t left_ = 0;  ///< Bytes of the download that were not sent.
+  std::vector<tcp::endpoint> endpoints_{};         ///< A server of the registry's.
+  std::optional<beast::tcp_stream> connecting_{};  ///< To that server.
+  std::uintmax_t left_ = 0;                        ///< Bytes of the download that were not sent.
 };
 
 expected<void, SetupError> WebServer::Impl::listen() {
@@ -611,6 +675,8 @@ void WebServer::Impl::end() {
   retry.cancel();
   while (!sessions.empty())
     (*sessions.begin())->leave();
+  for (GatewaySession* const session : gateways.sessions)
+    session->drop();
   const auto timer = std::make_shared<asio::steady_timer>(context);
   const auto until = std::chrono::steady_clock::now() + kEndTime;
   const auto look = std::make_shared<std::function<void()>>();
@@ -626,9 +692,10 @@ void WebServer::Impl::end() {
 
 expected<std::unique_ptr<WebServer>, SetupError> WebServer::create(WebConfig config,
                                                                    ConnectionHandler& handler,
-                                                                   DownloadSource& downloads) {
+                                                                   DownloadSource& downloads,
+                                                                   const GatewayTargets& targets) {
   std::unique_ptr<WebServer> server(
-      new WebServer(std::make_unique<Impl>(std::move(config), handler, downloads)));
+      new WebServer(std::make_unique<Impl>(std::move(config), handler, downloads, targets)));
   if (auto started = server->impl_->reader.start(
           {.name = "console-send", .thread_count = 2, .queued_max = 2 * kDownloadCountMax});
       !started) {

@@ -11,6 +11,7 @@
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "web/connection.hpp"
+#include "web/gateway.hpp"
 
 namespace rtpm::console {
 
@@ -22,6 +23,11 @@ inline constexpr std::size_t kObserverCountMax = 64;
 inline constexpr std::size_t kOperatorCountMax = 64;
 /// Concurrent downloads; more are refused.
 inline constexpr std::size_t kDownloadCountMax = 8;
+/// Concurrent connections of pages to servers of the registry; more are refused.
+inline constexpr std::size_t kGatewayCountMax = 64;
+/// The most bytes of such a connection that wait in the console, from the page and to it.
+inline constexpr std::size_t kGatewayMessageSizeMax = std::size_t{256} << 10;
+inline constexpr std::size_t kGatewayBlockSize = std::size_t{64} << 10;
 /// The largest frame of a client in bytes, with the token and without.
 inline constexpr std::size_t kFrameSizeMax = std::size_t{1} << 20;
 inline constexpr std::size_t kObserverFrameSizeMax = std::size_t{64} << 10;
@@ -36,13 +42,15 @@ struct WebConfig {
 };
 
 /// Serves the page over HTTP and clients over WebSocket, on one port and one thread.
-/// @ownership refers to its handler and the source of downloads, which must outlive it
+/// @ownership refers to its handler, the source of downloads and the targets of the gateway, which
+///            must outlive it
 /// @threads  run(): one; post() and stop(): any; every(): before run() or on its thread
 class WebServer {
  public:
   /// @errors   the address can't be served
   [[nodiscard]] static expected<std::unique_ptr<WebServer>, SetupError> create(
-      WebConfig config, ConnectionHandler& handler, DownloadSource& downloads);
+      WebConfig config, ConnectionHandler& handler, DownloadSource& downloads,
+      const GatewayTargets& targets);
   WebServer(const WebServer&) = delete;
   WebServer& operator=(const WebServer&) = delete;
   ~WebServer();

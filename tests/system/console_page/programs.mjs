@@ -125,7 +125,18 @@ export class System {
     );
   }
 
-  async startConsole(port) {
+  /** Registry, one device, and a console that serves the page in `folder`. */
+  async startWithPage(folder) {
+    mkdirSync(`${this.#scratch}/recordings`, {recursive: true});
+    const registry = await this.#launch('rtpm-registryd', ['--port', '0'], kRtpm);
+    this.registry = registry.found;
+    const args = ['--port', '0', '--registry', this.registry, '--events', 'none'];
+    const options = ['--stops', 'none', '--settings', '', '--device-arm0-hand', this.#stroke];
+    this.devices = await this.#launch('rtpm-deviced', [...args, ...options], kRtpm);
+    await this.startConsole('0', ['--page', folder]);
+  }
+
+  async startConsole(port, options = []) {
     this.console = await this.#launch(
       'rtpm-console',
       [
@@ -140,6 +151,7 @@ export class System {
         `${this.#scratch}/recordings`,
         '--incidents',
         `${this.#scratch}/incidents.jsonl`,
+        ...options,
       ],
       /http:\/\/\S+/,
     );

@@ -24,6 +24,8 @@ TEST(RequestTargets, AreSplitAndDecoded) {
   EXPECT_EQ(target->token, "T-1");
   EXPECT_EQ(read_target("/")->path, "/");
   EXPECT_EQ(read_target("/?")->token, "");
+  EXPECT_EQ(read_target("/gateway?to=%5B%3A%3A1%5D:4711&token=T")->to, "[::1]:4711");
+  EXPECT_EQ(read_target("/gateway?to&tokens=T&too=1")->to, "");
 }
 
 TEST(RequestTargets, AreRefusedIfMalformed) {
@@ -32,6 +34,13 @@ TEST(RequestTargets, AreRefusedIfMalformed) {
     EXPECT_FALSE(read_target(target)) << target;
   }
   EXPECT_FALSE(read_target("/" + std::string(5000, 'a')));
+}
+
+TEST(Subprotocols, AreFoundAsWholeWords) {
+  EXPECT_TRUE(offers_subprotocol("a, rtpm.stream.v1 ,b", "rtpm.stream.v1"));
+  for (const char* offered : {"", "rtpm.stream.v10", "rtpm.stream", "a rtpm.stream.v1"}) {
+    EXPECT_FALSE(offers_subprotocol(offered, "rtpm.stream.v1")) << offered;
+  }
 }
 
 TEST(Hosts, AreThisServersOrRefused) {
