@@ -1,6 +1,6 @@
-# What of RTPM is installed, and how: the libraries of the floors with their headers, rtpmc with its
-# schemas, the programs, the CMake package, pkg-config files, a Debian package. Two components:
-# `development` (all that another project builds with) and `programs`.
+# The installation: the libraries of the floors with their headers, rtpmc with its schemas, the programs, the
+# CMake package, pkg-config files; a Debian package of them, for Windows a zip. Two components: `development` (all
+# that another project builds with) and `programs`.
 include(GNUInstallDirs)
 include(RtpmPublicHeaders)
 include(CMakePackageConfigHelpers)
@@ -42,11 +42,17 @@ function(rtpm_install_library target)
       endif()
     endforeach()
   endif()
-  # rtpm_names_idl becomes rtpm-names-idl.pc.
+  if(NOT WIN32)
+    rtpm_install_module(${target} "${include_folder}" ${A_NEEDS})
+  endif()
+endfunction()
+
+# rtpm_install_module(target include_folder needs…): rtpm_names_idl has rtpm-names-idl.pc.
+function(rtpm_install_module target include_folder)
   set(requires "")
   set(other_libraries "")
   set(is_module FALSE)
-  foreach(need IN LISTS A_NEEDS)
+  foreach(need IN LISTS ARGN)
     if(need MATCHES "^rtpm(::|_)" AND NOT need MATCHES "flatbuffers")
       string(REGEX REPLACE "::|_" "-" need "${need}")
       list(APPEND requires "${need}")
@@ -138,10 +144,12 @@ Requires: rtpm-events, rtpm-names, rtpm-rpc, rtpm-idl
     DESTINATION "${CMAKE_INSTALL_LIBDIR}/pkgconfig" COMPONENT development)
 endfunction()
 
-# The CMake package, the schemas, and the Debian package; called once, last.
+# The CMake package, the schemas, and the Debian package or the zip; called once, last.
 function(rtpm_install_package)
   set(RTPM_INSTALL_IDL_DIR "${CMAKE_INSTALL_DATADIR}/rtpm/idl")
-  rtpm_install_pkg_config()
+  if(NOT WIN32)
+    rtpm_install_pkg_config()
+  endif()
   configure_package_config_file("${rtpm_SOURCE_DIR}/cmake/rtpm-config.cmake.in"
     "${CMAKE_CURRENT_BINARY_DIR}/rtpm-config.cmake"
     INSTALL_DESTINATION "${RTPM_INSTALL_CMAKE_DIR}"
@@ -172,15 +180,32 @@ function(rtpm_install_package)
   endif()
   # Making a package does not build: what is built is packed.
   set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY TRUE)
-  set(CPACK_GENERATOR DEB)
   set(CPACK_PACKAGE_NAME rtpm)
   set(CPACK_PACKAGE_VENDOR RTPM)
   set(CPACK_PACKAGE_CONTACT "RTPM <rtpm@localhost>")
   set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${rtpm_DESCRIPTION}")
-  set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
-  # One package each: librtpm-dev to build with, rtpm to run.
-  set(CPACK_DEB_COMPONENT_INSTALL ON)
   set(CPACK_COMPONENTS_ALL development programs)
+  if(WIN32)
+    # All in one folder, wherever it is unpacked.
+    set(CPACK_GENERATOR ZIP)
+    set(CPACK_PACKAGE_FILE_NAME "rtpm-${rtpm_VERSION}-windows-x64")
+    set(CPACK_STRIP_FILES ON)
+    install(FILES "${rtpm_SOURCE_DIR}/docs/windows.md" DESTINATION . RENAME README.md COMPONENT programs)
+    install(FILES "${rtpm_SOURCE_DIR}/LICENSE" DESTINATION . RENAME LICENSE.txt COMPONENT programs)
+  else()
+    rtpm_set_up_debian_packages()
+  endif()
+  file(GENERATE OUTPUT "${CMAKE_CURRENT_BINARY_DIR}/rtpm-package-is-whole.cmake"
+    CONTENT "${package_code}")
+  set(CPACK_PRE_BUILD_SCRIPTS "${CMAKE_CURRENT_BINARY_DIR}/rtpm-package-is-whole.cmake")
+  include(CPack)
+endfunction()
+
+# One package each: librtpm-dev to build with, rtpm to run.
+macro(rtpm_set_up_debian_packages)
+  set(CPACK_GENERATOR DEB)
+  set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+  set(CPACK_DEB_COMPONENT_INSTALL ON)
   set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME librtpm-dev)
   set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
     "libflatbuffers-dev (>= 2.0.8), libflatbuffers-dev (<< 26), flatbuffers-compiler, libsodium-dev")
@@ -192,8 +217,4 @@ function(rtpm_install_package)
   set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SECTION net)
   set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
   set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
-  file(GENERATE OUTPUT "${CMAKE_CURRENT_BINARY_DIR}/rtpm-package-is-whole.cmake"
-    CONTENT "${package_code}")
-  set(CPACK_PRE_BUILD_SCRIPTS "${CMAKE_CURRENT_BINARY_DIR}/rtpm-package-is-whole.cmake")
-  include(CPack)
-endfunction()
+endmacro()

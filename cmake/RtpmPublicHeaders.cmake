@@ -12,6 +12,7 @@ set(RTPM_PUBLIC_HEADERS
   rtpm/asio/queue.hpp
   rtpm/base/assert.hpp
   rtpm/base/bytes.hpp
+  rtpm/base/compiler.hpp
   rtpm/base/expected.hpp
   rtpm/base/hash.hpp
   rtpm/base/priority.hpp

@@ -10,7 +10,9 @@ if(MSVC)
     $<$<BOOL:${RTPM_WERROR}>:/WX>)
 else()
   target_compile_options(rtpm_build_flags INTERFACE
-    -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
+    -Wall -Wextra -Wpedantic -Wshadow
+    # Tests for Windows use sockets as on POSIX, whose types are others.
+    "$<$<NOT:$<BOOL:$<TARGET_PROPERTY:RTPM_CONVERTS>>>:-Wconversion;-Wsign-conversion>" -Wnon-virtual-dtor
     -Wold-style-cast -Wcast-align -Woverloaded-virtual -Wimplicit-fallthrough
     $<$<BOOL:${RTPM_WERROR}>:-Werror>)
 endif()
@@ -103,21 +105,25 @@ endfunction()
 # The folder in os/ of each part whose files are compiled. `portable` keeps to POSIX, for systems without one of
 # their own; on Linux it shows what such a system would run.
 option(RTPM_PORTABLE "Use nothing of Linux beyond POSIX" OFF)
-if(RTPM_PORTABLE OR NOT CMAKE_SYSTEM_NAME STREQUAL "Linux")
+if(WIN32)
+  set(RTPM_SYSTEM windows)
+elseif(RTPM_PORTABLE OR NOT CMAKE_SYSTEM_NAME STREQUAL "Linux")
   set(RTPM_SYSTEM portable)  # With some files of `darwin` in their place on macOS.
 else()
   set(RTPM_SYSTEM linux)
 endif()
 
-# rtpm_library(NAME part [SOURCES …] [LINUX …] [PORTABLE …] [DARWIN …] [PUBLIC targets…] [PRIVATE targets…]
-#   [NOT_INSTALLED])
+# rtpm_library(NAME part [SOURCES …] [LINUX …] [PORTABLE …] [POSIX …] [DARWIN …] [WINDOWS …]
+#   [PUBLIC targets…] [PRIVATE targets…] [NOT_INSTALLED])
 # Makes rtpm_<part>, alias rtpm::<part>, with include/ public and src/ private. A library without sources is
-# header-only. LINUX and PORTABLE: the sources in that folder of src/os; DARWIN: those that macOS has in place of
-# one of `portable`, of the same name. Where tests are built on Linux, rtpm_<part>_portable has those of `portable`,
-# see rtpm_portable_test. NOT_INSTALLED: only programs of this tree use it. PUBLIC are the parts whose headers its
-# own headers include: because a target sees only what it links, an include that points up a floor does not compile.
+# header-only. LINUX, PORTABLE and WINDOWS: the further sources for that system; POSIX: those of both LINUX and
+# PORTABLE; DARWIN: those that macOS has in place of one of `portable`, of the same name. Where tests are built on
+# Linux, rtpm_<part>_portable has those of `portable`, see rtpm_portable_test. NOT_INSTALLED: only programs of this
+# tree use it. PUBLIC are the parts whose headers its own headers include: because a target sees only what it
+# links, an include that points up a floor does not compile.
 function(rtpm_library)
-  cmake_parse_arguments(PARSE_ARGV 0 A "NOT_INSTALLED" "NAME" "SOURCES;LINUX;PORTABLE;DARWIN;PUBLIC;PRIVATE")
+  cmake_parse_arguments(PARSE_ARGV 0 A "NOT_INSTALLED" "NAME"
+    "SOURCES;LINUX;PORTABLE;POSIX;DARWIN;WINDOWS;PUBLIC;PRIVATE")
   if(A_UNPARSED_ARGUMENTS OR NOT A_NAME)
     message(FATAL_ERROR "rtpm_library: NAME is required and nothing unknown is taken; got '${ARGV}'")
   endif()
@@ -130,15 +136,23 @@ function(rtpm_library)
         list(TRANSFORM A_PORTABLE REPLACE "^${replaced}$" "${file}")
       endforeach()
     endif()
-    add_library(${target} ${A_SOURCES} ${A_${system}})  # Shared with BUILD_SHARED_LIBS.
+    set(own_sources ${A_SOURCES} ${A_${system}})
+    if(NOT WIN32)
+      list(APPEND own_sources ${A_POSIX})
+    endif()
+    add_library(${target} ${own_sources})  # Shared with BUILD_SHARED_LIBS.
     set_target_properties(${target} PROPERTIES
       VERSION ${rtpm_VERSION} SOVERSION ${rtpm_VERSION_MAJOR}.${rtpm_VERSION_MINOR})
     set(libraries ${target})
-    if(A_LINUX)
+    if(WIN32)  # Headers in `portable` tell what neither system has.
+      target_include_directories(${target} PRIVATE src/os/windows src/os/portable)
+      # The libraries of others that it needs lie beside it.
+      target_link_directories(${target} INTERFACE "$<INSTALL_INTERFACE:$<INSTALL_PREFIX>/${CMAKE_INSTALL_LIBDIR}>")
+    else()
       target_include_directories(${target} PRIVATE src/os/${RTPM_SYSTEM} src/os/posix)
     endif()
     if(A_PORTABLE AND RTPM_BUILD_TESTS AND RTPM_SYSTEM STREQUAL "linux")
-      add_library(${target}_portable STATIC EXCLUDE_FROM_ALL ${A_SOURCES} ${A_PORTABLE})
+      add_library(${target}_portable STATIC EXCLUDE_FROM_ALL ${A_SOURCES} ${A_PORTABLE} ${A_POSIX})
       target_include_directories(${target}_portable PRIVATE src/os/portable src/os/posix)
       list(APPEND libraries ${target}_portable)
     endif()
@@ -187,12 +201,13 @@ function(rtpm_program)
 endfunction()
 
 # rtpm_test(NAME name SOURCES … LINK targets… LABEL unit|conformance|system|… [TIMEOUT seconds] [SERIAL]
-#   [PROCESSES] [ALSO name=variable=value])
+#   [PROCESSES] [APART] [ALSO name=variable=value] [EXCEPT patterns…])
 # A GoogleTest binary whose cases are each a ctest. SERIAL: cases take the machine for themselves.
 # PROCESSES: they start processes, so one such case runs at a time, beside cases without.
-# ALSO: they run once more, as <name>.<case>, with this environment.
+# APART: its sources are not compiled in batches, as they use a name for several things.
+# ALSO: they run once more, as <name>.<case>, with this environment. EXCEPT: cases that Windows does not run.
 function(rtpm_test)
-  cmake_parse_arguments(PARSE_ARGV 0 A "SERIAL;PROCESSES" "NAME;LABEL;TIMEOUT;ALSO" "SOURCES;LINK")
+  cmake_parse_arguments(PARSE_ARGV 0 A "SERIAL;PROCESSES;APART" "NAME;LABEL;TIMEOUT;ALSO" "SOURCES;LINK;EXCEPT")
   if(A_UNPARSED_ARGUMENTS OR NOT A_NAME OR NOT A_SOURCES OR NOT A_LABEL)
     message(FATAL_ERROR "rtpm_test: NAME, SOURCES and LABEL are required; got '${ARGV}'")
   endif()
@@ -200,6 +215,9 @@ function(rtpm_test)
     set(A_TIMEOUT 60)
   endif()
   rtpm_program(NAME ${A_NAME} SOURCES ${A_SOURCES} LINK ${A_LINK} GTest::gtest_main)
+  if(NOT A_APART)
+    rtpm_compile_in_batches(${A_NAME})
+  endif()
   if(RTPM_PRECOMPILED_HEADERS)
     target_precompile_headers(${A_NAME} REUSE_FROM rtpm_test_headers)
   endif()
@@ -213,7 +231,9 @@ function(rtpm_test)
   if(CMAKE_CROSSCOMPILING)
     # One ctest for all cases: a program takes a second to start under wine, and its first one minutes.
     math(EXPR A_TIMEOUT "10 * ${A_TIMEOUT}")
-    add_test(NAME ${A_NAME} COMMAND ${A_NAME} --gtest_brief=1)
+    set_target_properties(${A_NAME} PROPERTIES RTPM_CONVERTS ON)
+    list(JOIN A_EXCEPT ":" except)
+    add_test(NAME ${A_NAME} COMMAND ${A_NAME} --gtest_brief=1 "--gtest_filter=-${except}")
     set_tests_properties(${A_NAME} PROPERTIES LABELS "wine;${A_LABEL}" TIMEOUT ${A_TIMEOUT}
       ENVIRONMENT "RTPM_KEYS=${CMAKE_CURRENT_BINARY_DIR}/no-keys")
     return()

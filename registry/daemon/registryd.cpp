@@ -11,8 +11,6 @@
 
 #include "rtpm/discovery/announcement.hpp"
 #include "rtpm/discovery/scope.hpp"
-#include "rtpm/file_store/file_storage.hpp"
-#include "rtpm/file_store/json.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/servant.hpp"
@@ -23,6 +21,10 @@
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/wire/url.hpp"
+#ifdef RTPM_HAS_SQLITE
+#include "rtpm/file_store/file_storage.hpp"
+#include "rtpm/file_store/json.hpp"
+#endif
 #ifdef RTPM_HAS_ETCD
 #include "rtpm/etcd_store/etcd_storage.hpp"
 #endif
@@ -62,9 +64,16 @@ rtpm::expected<std::unique_ptr<rtpm::names::Storage>, rtpm::SetupError> storage_
                              "install the Debian package, or build with -DRTPM_ETCD=ON");
 #endif
   }
+#ifdef RTPM_HAS_SQLITE
   return rtpm::file_store::make_file_storage(configuration.store);
+#else
+  return rtpm::setup_error("--store " + configuration.store,
+                           "this rtpm-registryd is built without SQLite",
+                           "leave --store out, or run the registry on Linux");
+#endif
 }
 
+#ifdef RTPM_HAS_SQLITE
 int dump(rtpm::names::Storage& storage) {
   const auto content = storage.load();
   if (!content) return fail(content.error().text());
@@ -83,6 +92,15 @@ int load(rtpm::names::Storage& storage, const Configuration& configuration) {
   std::printf("%zu names\n", *count);
   return 0;
 }
+
+#else
+int dump(rtpm::names::Storage&) {
+  return fail("--dump: this rtpm-registryd is built without SQLite");
+}
+int load(rtpm::names::Storage&, const Configuration&) {
+  return fail("--load: this rtpm-registryd is built without SQLite");
+}
+#endif
 
 /// `--dump` and `--load`: works on the storage only, without serving.
 int transfer(const Configuration& configuration) {

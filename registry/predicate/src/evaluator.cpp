@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cmath>
 #include <compare>
+#include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "expression.hpp"
@@ -70,14 +72,29 @@ Truth compare(Comparison comparison, const Operand& left, const Operand& right) 
   }
 }
 
+constexpr std::int64_t kLeast = std::numeric_limits<std::int64_t>::min();
+constexpr std::int64_t kGreatest = std::numeric_limits<std::int64_t>::max();
+
+bool has_sum(std::int64_t left, std::int64_t right) noexcept {
+  return right >= 0 ? left <= kGreatest - right : left >= kLeast - right;
+}
+bool has_difference(std::int64_t left, std::int64_t right) noexcept {
+  return right >= 0 ? left >= kLeast + right : left <= kGreatest + right;
+}
+bool has_product(std::int64_t left, std::int64_t right) noexcept {
+  if (left == 0 || right == 0) return true;
+  if (right == -1) return left != kLeast;  // A quotient below would overflow.
+  if (left > 0 && right > 0) return left <= kGreatest / right;
+  if (left > 0) return right >= kLeast / left;
+  return left >= (right > 0 ? kLeast : kGreatest) / right;
+}
+
 // Calculates with integers; nullopt on overflow, and for a division.
 std::optional<std::int64_t> calculate(Kind kind, std::int64_t left, std::int64_t right) noexcept {
-  std::int64_t result = 0;
-  bool has_overflow = true;
-  if (kind == Kind::kAdd) has_overflow = __builtin_add_overflow(left, right, &result);
-  if (kind == Kind::kSubtract) has_overflow = __builtin_sub_overflow(left, right, &result);
-  if (kind == Kind::kMultiply) has_overflow = __builtin_mul_overflow(left, right, &result);
-  return has_overflow ? std::nullopt : std::optional(result);
+  if (kind == Kind::kAdd && has_sum(left, right)) return left + right;
+  if (kind == Kind::kSubtract && has_difference(left, right)) return left - right;
+  if (kind == Kind::kMultiply && has_product(left, right)) return left * right;
+  return std::nullopt;
 }
 
 double calculate(Kind kind, double left, double right) noexcept {

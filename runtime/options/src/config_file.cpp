@@ -4,9 +4,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
+#include <system_error>
 #include <utility>
 
+#include "rtpm/base/utf8_path.hpp"
 #include "rtpm/options/toml_limits.hpp"
 #include "rtpm/program/text.hpp"
 
@@ -21,8 +24,12 @@ expected<std::string, SetupError> read_text(const std::string& path) {
   text.resize(static_cast<std::size_t>(file.gcount()));
   const bool is_read = file.is_open() && !file.bad();
   if (is_read && text.size() <= kTomlSizeMax) return text;
+  const std::string cause = is_read ? "it is larger than 1 MiB" : std::strerror(errno);
+  std::error_code ignored;
+  // Systems differ in what they say of one.
+  const bool is_directory = std::filesystem::is_directory(path_of_utf8(path), ignored);
   return setup_error("cannot read the configuration file '" + path + "'",
-                     is_read ? "it is larger than 1 MiB" : std::strerror(errno));
+                     is_directory ? "it is a directory" : cause);
 }
 
 /// A value as the text that an option reads.

@@ -8,6 +8,7 @@
 #include "rtpm/access/fingerprint.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/report.hpp"
+#include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/wire/limits.hpp"
 
 namespace rtpm::options {
@@ -125,6 +126,8 @@ void add_server(const Options& options, ServerSettings& settings) {
   rare.add("advertise", server.advertise,
            "The hosts to be found at, with ',' between, if callers reach others than those that "
            "are served (a container, NAT); empty: those");
+  // By default served where the system offers it; prepare() refuses what a user asks for in vain.
+  server.shared_memory = server.shared_memory && transport::offers_shared_memory();
   rare.add("shared-memory", server.shared_memory,
            "Whether callers of the same user on this host are served through memory");
   rare.add("shared-memory-folder", server.shared_memory_folder,
@@ -154,6 +157,10 @@ void add_server(const Options& options, ServerSettings& settings) {
 }
 
 expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settings) {
+  if (settings.server.shared_memory && !transport::offers_shared_memory()) {
+    return setup_error("--shared-memory: this system offers no shared memory to callers", "",
+                       "leave it out; callers use UDP or TCP");
+  }
   if (!settings.cpu_latency) return rt::CpuLatencyRequest{};
   return rt::CpuLatencyRequest::open(*settings.cpu_latency, settings.server.realtime);
 }

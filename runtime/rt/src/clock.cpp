@@ -6,19 +6,14 @@
 #include "os/native_clock.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "tick_clock.hpp"
+#include "tick_counter.hpp"
 
 namespace rtpm::rt {
 namespace {
 
-#if defined(__x86_64__)
-
 constinit thread_local TickClock thread_clock;
 // The most ticks that a read of the system's clock takes without an interrupt.
 constinit thread_local std::uint64_t look_ticks_max = 256;
-
-std::uint64_t ticks() noexcept {
-  return __builtin_ia32_rdtsc();
-}
 
 // Reads the system's clock, and the ticks just before and after.
 [[gnu::noinline]] std::int64_t look() noexcept {
@@ -26,9 +21,9 @@ std::uint64_t ticks() noexcept {
   constexpr int kTryCount = 3;
   std::int64_t time_ns = 0;
   for (int i = 0; i < kTryCount; ++i) {
-    const std::uint64_t before = ticks();
+    const std::uint64_t before = os::ticks();
     time_ns = os::time_ns();
-    const std::uint64_t passed = ticks() - before;
+    const std::uint64_t passed = os::ticks() - before;
     if (passed <= look_ticks_max) {
       look_ticks_max = std::min(look_ticks_max, 2 * passed);
       return thread_clock.anchor(before + passed / 2, time_ns);
@@ -40,17 +35,10 @@ std::uint64_t ticks() noexcept {
 }
 
 std::int64_t time_now_ns() noexcept {
-  const std::uint64_t count = ticks();
+  if constexpr (!os::kMayCountTicks) return os::time_ns();
+  const std::uint64_t count = os::ticks();
   return thread_clock.covers(count) ? thread_clock.time_at(count) : look();
 }
-
-#else
-
-std::int64_t time_now_ns() noexcept {
-  return os::time_ns();
-}
-
-#endif
 
 }  // namespace
 

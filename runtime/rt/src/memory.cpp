@@ -31,7 +31,9 @@ expected<void, SetupError> lock_memory(RealtimeMode mode) {
   }
   const auto locked = os::lock_all_memory();
   if (locked) {
-    note_setup({kLockSubject, Grant::kGranted, "what is touched stays in memory", ""});
+    const bool is_whole = locked->empty();
+    note_setup({kLockSubject, is_whole ? Grant::kGranted : Grant::kPartly,
+                is_whole ? "what is touched stays in memory" : *locked, ""});
     return {};
   }
   const SetupError& refusal = locked.error();

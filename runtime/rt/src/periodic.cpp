@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <utility>
 
+#include "wake_up.hpp"
+
 namespace rtpm::rt {
 namespace {
 
 constexpr Duration kLeadMin = std::chrono::microseconds{10};
-constexpr Duration kLeadMax = std::chrono::microseconds{250};
+constexpr Duration kLeadMax = os::kWakeUpMax;
 /// Calls closer together than this belong to one turn, regardless of the period.
 constexpr Duration kTurnMin = std::chrono::microseconds{100};
 /// A caller whose jitter exceeds this part of the period has no usable rhythm.

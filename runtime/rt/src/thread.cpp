@@ -86,7 +86,13 @@ expected<void, SetupError> configure_this_thread(const ThreadConfig& config) {
   const int error = os::request_level(level);
   note_thread_priority(*config.priority, error == 0);
   if (error == 0) {
-    note_scheduling(config, Grant::kGranted, os::name_of_level(level), "");
+    const std::string remedy = os::remedy_of_level(level);
+    if (!remedy.empty() && config.realtime == RealtimeMode::kRequire) {
+      return setup_error(subject_of(config) + " can run at " + os::name_of_level(level) + " only",
+                         "its latency is not bounded", remedy);
+    }
+    note_scheduling(config, remedy.empty() ? Grant::kGranted : Grant::kPartly,
+                    os::name_of_level(level), remedy);
     return {};
   }
   const SetupError refusal = os::level_refusal(subject_of(config), level, error);

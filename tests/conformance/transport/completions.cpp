@@ -1,49 +1,16 @@
 #include "rtpm/rpc/completions.hpp"
 
-#include <poll.h>
-
 #include <functional>
 #include <thread>
 
 #include "deferred_suite.hpp"
-#include "victim.hpp"
+#include "loop.hpp"
 
 // Calls and streams of a thread that watches one descriptor, and polls only when it is readable.
 namespace rtpm::rpc::test {
 namespace {
 
 using namespace std::chrono_literals;
-
-/// An event loop that knows nothing but a descriptor.
-class Loop {
- public:
-  void run_until(const std::function<bool()>& is_over) {
-    while (!is_over()) {
-      ASSERT_TRUE(is_readable(static_cast<int>(rtpm::test::kPatience / 1ms)));
-      static_cast<void>(completions.poll());
-    }
-  }
-  void run() {
-    run_until([this] { return completions.open_count() == 0; });
-  }
-  [[nodiscard]] bool is_readable(int timeout_ms) {
-    pollfd entry{*completions.descriptor(), POLLIN, 0};
-    return poll(&entry, 1, timeout_ms) == 1;
-  }
-  /// A callback that keeps the reply's text, or the error's.
-  auto keep() {
-    return [this](const expected<ReplyLease, CallError>& reply) {
-      ends.push_back(reply ? text_of(*reply) : std::string(to_string(reply.error())));
-    };
-  }
-
-  Completions completions;
-  std::vector<std::string> ends;
-};
-
-std::string text_of(CallError error) {
-  return std::string(to_string(error));
-}
 
 class Readiness : public DeferredReplies {
  protected:
@@ -214,28 +181,6 @@ TEST_P(TransportSuite, CompletesThirtyTwoCallsToFourServersByOneDescriptor) {
   }
   EXPECT_EQ(lost_count > 0, transport() == kFaultyUdp);
   EXPECT_TRUE(bindings.front().call(echo::kEcho, {})) << "the channels serve other calls, too";
-}
-
-TEST_P(LosslessSuite, ReportsAKilledServerByTheDescriptor) {
-  if (transport() == Transport::kLocal) GTEST_SKIP() << "it dies with its callers";
-  Victim victim([](const auto& tell) {
-    EchoServer server;
-    tell(server.server->port());
-    static_cast<void>(await([&] { return server.servant.gate().inside_count() == 1; }));
-    tell(1);
-    static_cast<void>(await([] { return false; }));
-  });
-  const std::uint16_t port = victim.await_number();
-  Node node(node_config());
-  auto binding = Binding::bind(node, "rtpm://127.0.0.1:" + std::to_string(port) + "/echo",
-                               echo::kInterface, {.deadline = rtpm::test::kPatience});
-  ASSERT_TRUE(binding) << binding.error().text();
-  Loop loop;
-  loop.completions.then(binding->begin(echo::kHold, {}), loop.keep());
-  ASSERT_EQ(victim.await_number(), 1);
-  victim.kill();
-  loop.run();
-  EXPECT_EQ(loop.ends, std::vector{text_of(CallError::kDisconnected)});
 }
 
 }  // namespace

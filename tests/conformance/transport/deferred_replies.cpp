@@ -276,8 +276,9 @@ TEST_P(DeferredReplies, StreamsAreRefusedBeyondTheLimit) {
   EXPECT_EQ(text_of_next(*reader), to_string(CallError::kOverload));
 }
 
+// hp-5.10-12
 TEST_P(DeferredReplies, RefuseAStreamToAPlainCall) {
-  expect_error(binding_->call(kCount, {}), CallError::kOverload);
+  expect_error(binding_->call(kCount, {}), CallError::kBadRequest);
 }
 
 INSTANTIATE_TEST_SUITE_P(Udp, DeferredReplies, testing::Values(Transport::kUdp));

@@ -127,4 +127,12 @@ class DeferredReplies : public TransportSuite {
   std::optional<Binding> binding_;
 };
 
+/// An item whose every byte follows from its number.
+[[nodiscard]] inline std::vector<std::byte> item_of(std::uint32_t number, std::size_t size) {
+  std::vector<std::byte> item(size);
+  for (std::size_t i = 0; i < size; ++i)
+    item[i] = static_cast<std::byte>(number * 31 + i * 7 + (i >> 8));
+  return item;
+}
+
 }  // namespace rtpm::rpc::test

@@ -17,12 +17,19 @@
 #include "rtpm/test/os.hpp"
 #include "rtpm/test/serve.hpp"
 #include "rtpm/test/text.hpp"
+#include "rtpm/transport/shared_memory.hpp"
 #include "table.hpp"
 
 /// A hub behind a server, and handlers that write down their deliveries.
 namespace rtpm::events::test {
 
 inline constexpr std::chrono::seconds kPatience{10};
+
+/// A transport that loses nothing however fast a test pushes: shared memory, or TCP where the
+/// system offers none.
+inline rpc::Transport lossless_transport() {
+  return transport::offers_shared_memory() ? rpc::Transport::kSharedMemory : rpc::Transport::kTcp;
+}
 
 /// Waits until `is_so()`; false if that does not happen in time.
 template <class Condition>
@@ -157,11 +164,10 @@ class Sleeper final : public Recorder {
 
 inline constexpr EventDescriptor kPoseDescriptor{kPose, "lab.Pose", kPoseSchema, kPoseFields};
 
-/// Connects through memory instead of directly to the hub's lane, which limits concurrent calls:
-/// tests push as fast as they can.
-inline std::unique_ptr<Supplier> make_supplier(
-    rpc::Node& node, const ServedHub& hub,
-    rpc::Transport transport = rpc::Transport::kSharedMemory) {
+/// Not connected directly to the hub's lane, which limits concurrent calls: tests push as fast as
+/// they can.
+inline std::unique_ptr<Supplier> make_supplier(rpc::Node& node, const ServedHub& hub,
+                                               rpc::Transport transport = lossless_transport()) {
   return rtpm::test::made(Supplier::create(
       node, hub.url(),
       {.types = {&kPoseDescriptor}, .transport = transport, .deadline = kPatience}));
@@ -209,7 +215,7 @@ inline void await_taken(const Hub& hub, std::uint64_t count) {
 /// every path.
 template <class Join>
 void expect_filtered_deliveries(rpc::Node& node, const ServedHub& hub, const Join& join,
-                                rpc::Transport transport = rpc::Transport::kSharedMemory) {
+                                rpc::Transport transport = lossless_transport()) {
   const auto supplier = make_supplier(node, hub, transport);
   Recorder poses;
   Recorder buttons;

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <optional>
 #include <set>
 #include <sstream>
@@ -11,6 +10,7 @@
 #include <vector>
 
 #include "rtpm/options/options.hpp"
+#include "rtpm/test/environment.hpp"
 #include "rtpm/test/temporary_folder.hpp"
 
 namespace rtpm::options {

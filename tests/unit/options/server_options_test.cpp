@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "fixture.hpp"
+#include "rtpm/test/text.hpp"
+#include "rtpm/transport/shared_memory.hpp"
 
 namespace rtpm::options {
 namespace {
@@ -167,6 +169,7 @@ TEST_F(ServerOptions, ListTheLanesInTheHelp) {
 }
 
 TEST_F(ServerOptions, RequestTheCpuLatencyOnlyIfConfigured) {
+  expect_parsed({});
   const auto nothing = prepare(settings_);
   ASSERT_TRUE(nothing);
   EXPECT_FALSE(nothing->is_granted());
@@ -175,6 +178,17 @@ TEST_F(ServerOptions, RequestTheCpuLatencyOnlyIfConfigured) {
   const auto off = prepare(settings_);
   ASSERT_TRUE(off);
   EXPECT_FALSE(off->is_granted());
+}
+
+TEST_F(ServerOptions, RefuseSharedMemoryThatTheSystemDoesNotOffer) {
+  if (transport::offers_shared_memory()) GTEST_SKIP() << "this system offers shared memory";
+  expect_parsed(words("--shared-memory"));
+  const auto refused = prepare(settings_);
+  ASSERT_FALSE(refused);
+  rtpm::test::expect_text(refused.error().text(),
+                          {"--shared-memory", "this system offers no", "Remedy", "UDP or TCP"});
+  expect_parsed(words("--shared-memory=false"));
+  EXPECT_TRUE(prepare(settings_));
 }
 
 }  // namespace

@@ -63,6 +63,14 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"ppm + 2 * 3 == 18", true}, Case{"(ppm + 2) * 3 == 42", true},
         Case{"ppm - 2 - 3 == 7", true}, Case{"ppm / 8 == 1.5", true}, Case{"-ppm == -12", true},
         Case{"cost * 4 <= ppm - 2", true}, Case{"ppm-2 == 10", true}, Case{"big + 1 > big", true},
+        // An integer's result is exact where it is an integer, else a double.
+        Case{"big * 1 == 9223372036854775807", true}, Case{"big - 1 - big == -1", true},
+        Case{"-big - 1 == -9223372036854775807 - 1", true}, Case{"-big * -1 == big", true},
+        Case{"3037000499 * -3037000499 == -9223372030926249001", true},
+        Case{"3037000500 * -3037000500 == -9223372037000250000.0", true},
+        Case{"-3037000500 * -3037000500 == 9223372037000250000.0", true},
+        Case{"(-big - 1) * -1 > big", true}, Case{"-1 * (-big - 1) > big", true},
+        Case{"-big - 2 == -9223372036854775808.0", true}, Case{"big - -1 > big", true},
         // A sequence contains a value.
         Case{"'A4' in paper", true}, Case{"'A5' in paper", false}, Case{"2 in trays", true},
         Case{"2.0 in trays", true}, Case{"'A4' in empty", false},

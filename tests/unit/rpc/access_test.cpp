@@ -59,7 +59,7 @@ TEST(SecuredServer, DoesNotStartOnAFileThatOthersCanWrite) {
 
 // A caller through memory and one without a key lose their grants.
 TEST(SecuredServer, EndsUnsealedSessionsWhoseGrantsAreRevoked) {
-  for (const Transport transport : {Transport::kSharedMemory, Transport::kUdp, Transport::kTcp}) {
+  for (const Transport transport : transports_of_host()) {
     const KeyFolder folder;
     const std::string others =
         "anonymous role=observe on=other\n" + own_user() + " role=observe on=other\n";

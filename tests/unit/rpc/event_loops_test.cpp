@@ -27,7 +27,7 @@ class EventLoops : public testing::Test {
   }
 
   EchoServer server_;
-  Node node_{quiet_node(Transport::kSharedMemory)};
+  Node node_{quiet_node(transports_of_host().back())};
   Binding binding_ = bind_echo(node_, server_);
   Completions completions_;
   std::string text_;

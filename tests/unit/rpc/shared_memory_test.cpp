@@ -90,6 +90,25 @@ TEST(SharedMemoryChoice, ReportsANameThatIsInUse) {
   expect_text(created.error().text(), {"server 'test'", "Remedy"});
 }
 
+TEST(SystemWithoutSharedMemory, RefusesCallersAndServersThatAskForIt) {
+  if (transport::offers_shared_memory()) GTEST_SKIP() << "this system offers shared memory";
+  EchoServer server;
+  Node node(apart(Transport::kAuto));
+  EXPECT_EQ(bind_echo(node, server).transport(), Transport::kUdp);
+  Node strict(quiet_node(Transport::kSharedMemory));
+  const auto bound = Binding::bind(strict, server.url(), echo::kInterface);
+  ASSERT_FALSE(bound);
+  expect_text(bound.error().text(),
+              {"'echo' can't be bound", "offers no calls through shared memory",
+               "Remedy: call over UDP or TCP"});
+  ServerConfig config = quiet_config();
+  config.shared_memory_folder = "/run/lab";
+  const auto created = Server::create(config);
+  ASSERT_FALSE(created);
+  expect_text(created.error().text(), {"server 'test'", "offers no shared memory", "'/run/lab'",
+                                       "Remedy: leave the folder out"});
+}
+
 // hp-16.2-2
 TEST(SharedMemoryLane, CountsAPeerThatWritesInvalidWords) {
   EchoServer server;

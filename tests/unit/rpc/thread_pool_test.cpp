@@ -347,7 +347,7 @@ TEST(ThreadPool, EndsACallThatOverrunsTheStop) {
 }
 
 TEST(ThreadPool, ServesManyCallersAtOnceOverEveryTransport) {
-  for (const Transport transport : {Transport::kUdp, Transport::kTcp, Transport::kSharedMemory}) {
+  for (const Transport transport : transports_of_host()) {
     ServerConfig config = quiet_config({lane_of(2, 64, 0), lane_of(2, 64, 20'000)});
     config.borrows = true;
     config.lanes.front().dynamic_threads = 2;

@@ -3,25 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <optional>
-#include <thread>
+#include <string>
 #include <utility>
 
-#include "rtpm/rt/thread.hpp"
-#include "rtpm/test/child.hpp"
-#include "rtpm/test/os.hpp"
+#include "seen.hpp"
 
 namespace rtpm::rt {
 namespace {
-
-using test::fifo;
-using test::kTimeShared;
-using test::scheduling_of_this_thread;
-
-/// Runs `body` on its own thread, which ends with the priority that it has then.
-template <class Body>
-void on_a_thread(Body body) {
-  std::thread(body).join();
-}
 
 TEST(PriorityMapping, IsLinearFrom1To89RoundedDown) {
   for (const auto& [priority, level] : {std::pair{0, 1},
@@ -59,47 +47,6 @@ TEST(CurrentPriority, IsAbsentUntilItIsSet) {
   on_a_thread([] { EXPECT_EQ(current_priority(), std::nullopt) << "each thread has its own"; });
 }
 
-TEST(CurrentPriority, SetsTheThreadsFifoLevelIfAllowed) {
-  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
-  on_a_thread([] {
-    for (const int priority : {0, 20'000, 32'767, 20'000, 0}) {
-      EXPECT_TRUE(set_current_priority(priority));
-      EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(priority)));
-    }
-  });
-}
-
-TEST(CurrentPriority, IsKeptForCallsIfTheSystemRefuses) {
-  const test::ChildResult child = test::run_in_child([]() -> std::string {
-    test::drop_realtime_rights();
-    if (set_current_priority(20'000)) return "the system is said to have allowed it";
-    if (current_priority() != Priority{20'000}) return "the priority is lost";
-    if (scheduling_of_this_thread() != kTimeShared) return "the thread is not time-shared";
-    return "";
-  });
-  EXPECT_EQ(child.said, "");
-  EXPECT_EQ(child.status, 0);
-  EXPECT_EQ(child.errors, "") << "the answer says it";
-}
-
-TEST(AdoptPriority, MovesAFifoThread) {
-  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
-  on_a_thread([] {
-    ASSERT_TRUE(set_current_priority(10'000));
-    adopt_priority(30'000);
-    EXPECT_EQ(current_priority(), Priority{30'000});
-    EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(30'000)));
-  });
-}
-
-TEST(AdoptPriority, LeavesATimeSharedThreadTimeShared) {
-  on_a_thread([] {
-    adopt_priority(30'000);
-    EXPECT_EQ(current_priority(), Priority{30'000});
-    EXPECT_EQ(scheduling_of_this_thread(), kTimeShared);
-  });
-}
-
 TEST(PriorityMapping, CanBeReplaced) {
   EXPECT_EQ(level_of(32'767), to_native(32'767));
   const auto three_levels = [](Priority priority) { return 10 + priority.value() / 10'923 * 20; };
@@ -107,12 +54,6 @@ TEST(PriorityMapping, CanBeReplaced) {
   EXPECT_EQ(level_of(0), 10);
   EXPECT_EQ(level_of(11'000), 30);
   EXPECT_EQ(level_of(32'767), 50);
-  if (rtpm::test::has_realtime_right()) {
-    std::thread([] {
-      EXPECT_TRUE(set_current_priority(11'000));
-      EXPECT_EQ(rtpm::test::scheduling_of_this_thread(), rtpm::test::fifo(30));
-    }).join();
-  }
   ASSERT_TRUE(set_priority_mapping(nullptr));
   EXPECT_EQ(level_of(11'000), to_native(11'000));
 }

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <sys/socket.h>
 
 #include <array>
 #include <cstddef>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
+#include "rtpm/test/sockets.hpp"
 #include "rtpm/test/text.hpp"
 #include "rtpm/transport/error.hpp"
 #include "rtpm/transport/socket.hpp"
@@ -51,9 +51,7 @@ using Bytes = std::vector<std::byte>;
 
 /// Two ends of a stream, both non-blocking.
 [[nodiscard]] inline std::pair<Descriptor, Descriptor> stream_pair() {
-  std::array<int, 2> ends{-1, -1};
-  EXPECT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends.data()), 0);
-  return {Descriptor(ends[0]), Descriptor(ends[1])};
+  return rtpm::test::stream_pair();
 }
 
 inline void write_all(const Descriptor& to, ConstBytes bytes) {

@@ -2,13 +2,13 @@
 
 #include <gtest/gtest.h>
 #include <poll.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
 
 #include <array>
 #include <memory>
 #include <vector>
 
+#include "frames.hpp"
+#include "os/native_socket.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::transport {
@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 class MergedDescriptorTest : public testing::Test {
  protected:
   [[nodiscard]] bool is_readable(int timeout_ms = 0) const {
-    pollfd entry{merged_->number(), POLLIN, 0};
+    auto entry = os::polled(merged_->number());
     return poll(&entry, 1, timeout_ms) == 1;
   }
   /// Whether it becomes readable; some systems take a moment.
@@ -29,8 +29,14 @@ class MergedDescriptorTest : public testing::Test {
     const auto tags = merged_->take(room);
     return {tags.begin(), tags.end()};
   }
-  static Descriptor readable() { return Descriptor(eventfd(1, EFD_CLOEXEC)); }
+  Descriptor readable() {
+    auto [near, far] = test::stream_pair();
+    test::write_all(far, test::Bytes(1));
+    far_ends_.push_back(std::move(far));
+    return std::move(near);
+  }
 
+  std::vector<Descriptor> far_ends_{};
   std::unique_ptr<MergedDescriptor> merged_ = std::move(*MergedDescriptor::open());
 };
 
@@ -85,7 +91,7 @@ TEST_F(MergedDescriptorTest, IsReadableAfterARingUntilItIsTaken) {
 // A child process may have the descriptor, too.
 TEST_F(MergedDescriptorTest, ReportsAClosedDescriptorThatHasADuplicateAtMostOnce) {
   Descriptor one = readable();
-  const Descriptor duplicate(dup(one.number()));
+  const Descriptor duplicate = os::duplicate(one.number());
   ASSERT_TRUE(merged_->watch(one.number(), 7));
   one = Descriptor();
   static_cast<void>(take());

@@ -1,24 +1,18 @@
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/resource.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <array>
-#include <cerrno>
-#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "frames.hpp"
+#include "os/native_socket.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/test/child.hpp"
 #include "rtpm/test/free_port.hpp"
 #include "rtpm/test/os.hpp"
 #include "rtpm/transport/client_transport.hpp"
-#include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -64,58 +58,6 @@ TEST(TcpListener, AcceptsWithoutWaiting) {
   ASSERT_TRUE(client) << client.error().text();
   ASSERT_TRUE(rtpm::test::await([&] { return wait_readable(listener->descriptor(), rt::now()); }));
   EXPECT_TRUE(listener->accept().socket.is_open());
-}
-
-// Waiting connections would wake the acceptor for ever.
-TEST(TcpListener, RefusesConnectionsWithoutAFreeDescriptor) {
-  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
-    auto listener = TcpListener::open(kHere, 0);
-    if (!listener) return listener.error().text();
-    std::vector<std::unique_ptr<ClientTransport>> clients;
-    for (int i = 0; i < 3; ++i) {
-      clients.push_back(
-          std::move(*open_tcp_transport(kHere, listener->port(), 0, 1000, rt::now() + 20s)));
-    }
-    const rlimit few{64, 64};
-    setrlimit(RLIMIT_NOFILE, &few);
-    while (dup(STDERR_FILENO) >= 0) {
-    }
-    for (int i = 0; i < 3; ++i) {
-      if (!wait_readable(listener->descriptor(), rt::now() + 20s)) return "no connection waits";
-      const Accepted accepted = listener->accept();
-      if (accepted.socket.is_open()) return "there was a descriptor";
-      if (accepted.shortage != EMFILE || accepted.still_waits) return "it does not say what it did";
-    }
-    if (wait_readable(listener->descriptor(), rt::now())) return "a connection still waits";
-    for (const auto& client : clients) {
-      if (!wait_readable(client->descriptor(), rt::now() + 20s)) return "a client waits";
-      if (client->receive().error() != IoError::kClosed) return "a client does not see its end";
-    }
-    return "";
-  });
-  EXPECT_EQ(child.said, "");
-  EXPECT_EQ(child.status, 0) << child.errors;
-}
-
-// The acceptor must not be woken repeatedly meanwhile.
-TEST(TcpListener, ReportsAConnectionThatStillWaits) {
-  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
-    const auto listener = TcpListener::open(kHere, 0);
-    if (!listener) return listener.error().text();
-    const auto client = open_tcp_transport(kHere, listener->port(), 0, 1000, rt::now() + 20s);
-    if (!client) return client.error().text();
-    const rlimit few{64, 64};
-    setrlimit(RLIMIT_NOFILE, &few);
-    while (dup(STDERR_FILENO) >= 0) {
-    }
-    if (!wait_readable(listener->descriptor(), rt::now() + 20s)) return "no connection waits";
-    Descriptor spare;
-    const Accepted accepted = accept_or_turn_away(listener->descriptor(), spare);
-    if (accepted.shortage != EMFILE || !accepted.still_waits) return "it does not say so";
-    return wait_readable(listener->descriptor(), rt::now()) ? "" : "the connection no longer waits";
-  });
-  EXPECT_EQ(child.said, "");
-  EXPECT_EQ(child.status, 0) << child.errors;
 }
 
 TEST(UdpPort, IsSharedByTheLanesOfOneServer) {
@@ -167,33 +109,6 @@ TEST(Host, WithoutARouteIsNoShortage) {
   ASSERT_FALSE(client);
   expect_text(client.error().text(), {"255.255.255.255:4711 can't be reached over UDP", "Remedy"});
   EXPECT_FALSE(is_shortage(client.error().cause.value()));
-}
-
-// Each error names the shortage and its remedy, instead of claiming that there is no server.
-TEST(Descriptors, AreReportedWhenExhausted) {
-  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
-    const rlimit few{64, 64};
-    setrlimit(RLIMIT_NOFILE, &few);
-    while (dup(STDERR_FILENO) >= 0) {
-    }
-    const std::vector<SetupError> errors{
-        open_udp_transport(kHere, 4711, 0).error(),
-        open_tcp_transport(kHere, 4711, 0, 1000, rt::now() + 20s).error(),
-        open_shared_memory_transport({kHere, 4711, ""}, 0, rt::now() + 20s).error(),
-        UdpPort::open({.host = kHere}).error(),
-        TcpListener::open(kHere, 0).error(),
-        WaitSet::open(1).error()};
-    std::string wrong;
-    for (const SetupError& error : errors) {
-      const bool is_named =
-          error.text().find("Too many open files") != std::string::npos &&
-          error.text().find("Remedy: raise the limit of open files") != std::string::npos;
-      if (!is_named || !is_shortage(error.cause.value())) wrong += error.text() + "\n";
-    }
-    return wrong;
-  });
-  EXPECT_EQ(child.said, "");
-  EXPECT_EQ(child.status, 0) << child.errors;
 }
 
 TEST(Datagram, LargerThanAFrameIsDetectedOnBothSides) {
@@ -263,10 +178,8 @@ TEST(UdpTransport, ReceivesOnlyFromItsServer) {
   UdpPort port = open_udp(number);
   auto client = open_udp_transport(kHere, number, 0);
   ASSERT_TRUE(client);
-  sockaddr_in own{};
-  socklen_t size = sizeof own;
-  getsockname((*client)->descriptor(), reinterpret_cast<sockaddr*>(&own), &size);
-  auto stranger = open_udp_transport(kHere, ntohs(own.sin_port), 0);
+  const std::uint16_t own = own_address((*client)->descriptor()).port();
+  auto stranger = open_udp_transport(kHere, own, 0);
   ASSERT_TRUE(stranger);
   ASSERT_TRUE((*stranger)->send(frame_of(1)));
   ASSERT_TRUE((*client)->send(frame_of(2)));
@@ -276,7 +189,7 @@ TEST(UdpTransport, ReceivesOnlyFromItsServer) {
 
 // A listener that never accepts, with a queue of one: further connections get no answer.
 TEST(TcpTransport, GivesUpAtItsDeadline) {
-  const Descriptor listener(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  const Descriptor listener = os::open_socket(AF_INET, SOCK_STREAM, os::Blocking::kYes);
   ASSERT_EQ(bind_to(listener.number(), *address_of(kHere, 0)), 0);
   ASSERT_EQ(listen(listener.number(), 0), 0);
   const std::uint16_t number = own_address(listener.number()).port();
@@ -310,26 +223,6 @@ TEST(TcpTransport, BuffersAWindowOfALargeMessage) {
   for (std::uint32_t i = 0; i < wire::window_of(wire::Medium::kStream); ++i) {
     EXPECT_TRUE(served.send(frame_of(wire::kStreamPayloadSizeMax, 0, i), kAlready))
         << "fragment " << i;
-  }
-}
-
-// The quarters of the range are best effort, AF21, AF41 and EF (hp-11).
-TEST(TrafficClass, FollowsThePriority) {
-  struct Row {
-    int priority, dscp, queue;
-  };
-  for (const Row row :
-       {Row{0, 0, 0}, Row{8191, 0, 0}, Row{8192, 18, 2}, Row{16383, 18, 2}, Row{16384, 34, 4},
-        Row{24575, 34, 4}, Row{24576, 46, 6}, Row{32767, 46, 6}}) {
-    const auto client = open_udp_transport(kHere, 9, row.priority);
-    ASSERT_TRUE(client);
-    int type_of_service = -1;
-    int queue = -1;
-    socklen_t size = sizeof type_of_service;
-    getsockopt((*client)->descriptor(), IPPROTO_IP, IP_TOS, &type_of_service, &size);
-    getsockopt((*client)->descriptor(), SOL_SOCKET, SO_PRIORITY, &queue, &size);
-    EXPECT_EQ(type_of_service >> 2, row.dscp) << row.priority;
-    EXPECT_EQ(queue, row.queue) << row.priority;
   }
 }
 

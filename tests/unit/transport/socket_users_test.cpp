@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "proc_net.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 

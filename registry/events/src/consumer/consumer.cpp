@@ -149,7 +149,7 @@ SubscribeRequestT Consumer::Impl::request() const {
   const std::lock_guard lock(mutex_);
   SubscribeRequestT request;
   request.name = config_.name;
-  request.program = ::program_invocation_short_name;
+  request.program = rt::program_name();
   request.process = own_process();
   request.filter = entry_of(config_.filter);
   request.delivery = entry_of(config_.delivery);

@@ -16,6 +16,7 @@ using namespace std::chrono_literals;
 constexpr Duration kSweepInterval = 250ms;
 // How often backlogged consumers are retried.
 constexpr Duration kBacklogInterval = 1ms;
+constexpr std::uint32_t kRingSize = 4 * 1024 * 1024;
 // Events matched per locking, so that concurrent suppliers get their turn.
 constexpr int kEventsPerTurn = 16;
 constexpr transport::SourceTag kDoor{transport::SourceKind{1}};
@@ -33,8 +34,9 @@ expected<std::unique_ptr<Hub>, SetupError> Hub::create(const HubConfig& config) 
   for (const auto& each : config.limits.store.classes)
     payload_size_max = std::max(payload_size_max, each.payload_size_max);
   std::unique_ptr<RingOutlet> ring;
-  if (config.ring_size != 0 && transport::offers_broadcast_memory()) {
-    auto made = RingOutlet::make(config.ring_size, payload_size_max);
+  const std::uint32_t own_size = transport::offers_broadcast_memory() ? kRingSize : 0;
+  if (const std::uint32_t size = config.ring_size.value_or(own_size); size != 0) {
+    auto made = RingOutlet::make(size, payload_size_max);
     if (!made) return unexpected{std::move(made.error())};
     ring = std::move(*made);
   }

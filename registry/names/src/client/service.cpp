@@ -4,10 +4,10 @@
 #include <utility>
 
 #include "client/no_answer.hpp"
-#include "client/registry_list.hpp"
 #include "model/idl.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/names/defaults.hpp"
+#include "rtpm/names/registry_list.hpp"
 #include "rtpm/rpc/tables.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/url.hpp"

@@ -10,9 +10,9 @@
 #include <utility>
 
 #include "client/no_answer.hpp"
-#include "client/registry_list.hpp"
 #include "model/idl.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/names/registry_list.hpp"
 #include "rtpm/rpc/tables.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/thread.hpp"

@@ -8,11 +8,11 @@
 #include <set>
 #include <utility>
 
-#include "client/registry_list.hpp"
 #include "client/service.hpp"
 #include "rtpm/discovery/finder.hpp"
 #include "rtpm/discovery/scope.hpp"
 #include "rtpm/names/lapsed.hpp"
+#include "rtpm/names/registry_list.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/parallel_jobs.hpp"
 #include "rtpm/transport/socket_folder.hpp"

@@ -30,9 +30,12 @@ class CallDeferral final : public Deferral {
   ItemWriter stream() noexcept override {
     const bool is_stream = sessions_ != nullptr ? sessions_->item_size_max(*request_) > 0
                                                 : call_ != nullptr && call_->item_size_max > 0;
+    lacks_stream_ = !is_stream;
     return is_stream && take() ? writer_for(*pool_, call_) : ItemWriter{};
   }
   [[nodiscard]] bool is_taken() const noexcept { return is_taken_; }
+  /// Whether the method gives a stream, and the caller did not ask for one.
+  [[nodiscard]] bool lacks_stream() const noexcept { return lacks_stream_; }
   /// The call, if its method has deferred the answer; otherwise null.
   [[nodiscard]] PendingCall* taken() const noexcept { return is_taken_ ? call_ : nullptr; }
 
@@ -64,6 +67,7 @@ class CallDeferral final : public Deferral {
   LocalChannel* channel_ = nullptr;
   PendingCall* call_ = nullptr;
   bool is_taken_ = false;
+  bool lacks_stream_ = false;
 };
 
 }  // namespace rtpm::rpc

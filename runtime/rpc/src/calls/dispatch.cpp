@@ -1,5 +1,6 @@
 #include "calls/dispatch.hpp"
 
+#include <charconv>
 #include <exception>
 #include <string_view>
 
@@ -13,6 +14,22 @@
 #include "security/caller_identity.hpp"
 
 namespace rtpm::rpc {
+namespace {
+
+// Whether the interface's text has this method as one that gives no stream (hp-12.1).
+bool gives_no_stream(const InterfaceDescriptor& interface, std::uint16_t method) noexcept {
+  constexpr std::string_view kBegin = "\nmethod ";
+  char word[16];
+  kBegin.copy(word, kBegin.size());
+  char* const end = std::to_chars(word + kBegin.size(), std::end(word), method).ptr;
+  *end = ' ';
+  const std::string_view text = interface.text;
+  const std::size_t at = text.find(std::string_view(word, end + 1));
+  if (at == std::string_view::npos) return false;
+  return !text.substr(at + 1, text.find('\n', at + 1) - at - 1).ends_with(" stream");
+}
+
+}  // namespace
 
 expected<Target, wire::Status> Dispatch::target_of(
     const wire::Request& request, const wire::ServerSessions* sessions) const noexcept {
@@ -71,8 +88,16 @@ Ran Dispatch::run_method(const Target& target, const wire::Request& request, Mut
   const CurrentCall current(context, host_);
   const BusyMark busy(request.received);
   try {
-    const DispatchResult result =
+    // hp-5.10-12
+    if (request.wants_stream() &&
+        gives_no_stream(target.object->servant->interface(), header.method)) [[unlikely]] {
+      return {refuse(wire::Status::kBadRequest, "this method gives no stream", reply)};
+    }
+    DispatchResult result =
         target.object->servant->dispatch(header.method, request.payload, reply, context);
+    if (result.status == wire::Status::kOverload && deferral.lacks_stream()) [[unlikely]] {
+      result = refuse(wire::Status::kBadRequest, "this method gives a stream", reply);
+    }
     if (result.status == wire::Status::kBadRequest && refusals_ != nullptr) [[unlikely]] {
       const std::string_view text(reinterpret_cast<const char*>(reply.data()), result.reply_size);
       refusals_->note(*target.object, request, result.status, text);

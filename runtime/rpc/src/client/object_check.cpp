@@ -76,6 +76,13 @@ BindOutcome ask_for_object(const Destination& at, const InterfaceDescriptor& int
     const std::string_view other = ByteReader(outcome.payload).take_text();
     std::ranges::copy(other.substr(0, result.other_interface.size() - 1),
                       result.other_interface.begin());
+    // An interface without a name is that of any object: asks by the name that the server gave.
+    if (outcome.status == wire::Status::kWrongInterface && interface.name.empty() &&
+        !other.empty()) {
+      InterfaceDescriptor named = interface;
+      named.name = result.other_interface.data();
+      return ask_for_object(at, named, known, channel, priority, deadline);
+    }
     return result;
   }
   const auto reply = wire::decode_bind_reply(outcome.payload);

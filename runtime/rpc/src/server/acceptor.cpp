@@ -16,6 +16,8 @@ namespace {
 // A client sends its HELLO as soon as it is connected. One that has not sent it within this time
 // loses its slot.
 constexpr Duration kFirstFramePatience = std::chrono::seconds{2};
+// The pause between two looks for the rest of a header.
+constexpr Duration kPartPause = std::chrono::milliseconds{1};
 // Further connections wait for the next turn, after connections that have sent their first frame by
 // then.
 constexpr int kAcceptsPerTurn = 16;
@@ -105,8 +107,9 @@ void Acceptor::accept_some(Listener& listener, bool is_memory) noexcept {
     if (accepted.still_waits) pause_listening(rt::now());
     if (!accepted.socket.is_open()) return;
     // The poll should wake us only once the whole header, which holds the priority, has arrived.
-    if (!is_memory) transport::report_from(accepted.socket.number(), wire::kHeaderSize);
-    take_in(std::move(accepted.socket), is_memory);
+    const bool may_be_part =
+        !is_memory && !transport::report_from(accepted.socket.number(), wire::kHeaderSize);
+    take_in(std::move(accepted.socket), is_memory, may_be_part);
   }
 }
 
@@ -118,7 +121,8 @@ void Acceptor::run() noexcept {
     until = std::min(until, refusals_.write_due(rt::now()));
     if (open_warning_) until = std::min(until, open_warning_->tick(rt::now()));
     for (const Newcomer& newcomer : newcomers_) {
-      if (newcomer.socket.is_open()) until = std::min(until, newcomer.deadline);
+      if (newcomer.socket.is_open())
+        until = std::min({until, newcomer.deadline, newcomer.next_look});
     }
     const std::size_t count = wait_set_->wait(until, ready);
     const auto events = std::span(ready).first(count);
@@ -133,19 +137,23 @@ void Acceptor::run() noexcept {
     }
     const MonotonicTime now = rt::now();
     if (is_paused && now >= listening_from_ && !listen()) pause_listening(now);
-    drop_late(now);
+    attend_newcomers(now);
     maintain_lanes();
   }
 }
 
 // Waits for the new connection's first frame.
-void Acceptor::take_in(transport::Descriptor socket, bool is_memory) noexcept {
+void Acceptor::take_in(transport::Descriptor socket, bool is_memory, bool may_be_part) noexcept {
   Newcomer& newcomer = free_place(is_memory);
   const transport::SourceTag tag(kNewcomer,
                                  static_cast<std::uint32_t>(&newcomer - newcomers_.data()));
   if (!wait_set_->add(socket.number(), tag, transport::Trigger::kLevel)) return;
   const wire::PeerAddress host = transport::host_of(socket.number());
-  newcomer = {std::move(socket), is_memory, rt::now() + kFirstFramePatience, host};
+  newcomer = {.socket = std::move(socket),
+              .is_memory = is_memory,
+              .deadline = rt::now() + kFirstFramePatience,
+              .host = host,
+              .may_be_part = may_be_part};
 }
 
 // hp-4-8: frees a slot. If all are taken, evicts the oldest newcomer of the host that has most, so
@@ -177,16 +185,24 @@ Acceptor::Newcomer& Acceptor::free_place(bool is_memory) noexcept {
 
 void Acceptor::end(Newcomer& newcomer) noexcept {
   wait_set_->remove(newcomer.socket.number());
-  newcomer.socket = {};
+  newcomer = {};
 }
 
 // Hands the connection to its lane (hp-11-2) without consuming a frame, or ends it.
 void Acceptor::place(Newcomer& newcomer) noexcept {
   if (!newcomer.socket.is_open()) return;
+  wait_set_->remove(newcomer.socket.number());
+  std::array<std::byte, wire::kHeaderSize> first{};
+  const std::size_t size =
+      newcomer.is_memory ? 0 : transport::peek(newcomer.socket.number(), first);
+  if (newcomer.may_be_part && size > 0 && size < first.size()) {
+    newcomer.next_look = rt::now() + kPartPause;
+    return;
+  }
   transport::Descriptor socket = std::move(newcomer.socket);
-  newcomer.socket = {};
-  wait_set_->remove(socket.number());
-  if (newcomer.is_memory) {
+  const bool is_memory = newcomer.is_memory;
+  newcomer = {};
+  if (is_memory) {
     auto client = transport::welcome_shared_memory_client(std::move(socket), users_);
     if (client.shortage != 0) {
       note_shortage(client.shortage, "a caller that wants shared memory is");
@@ -194,13 +210,11 @@ void Acceptor::place(Newcomer& newcomer) noexcept {
     if (client.connection) hand_over(client.priority, std::move(client.connection));
     return;
   }
-  std::array<std::byte, wire::kHeaderSize> first{};
-  const std::size_t size = transport::peek(socket.number(), first);
   if (size == 0) return;
   // Malformed frames go to the lowest lane, which counts them.
   const auto header = wire::decode(ConstBytes(first).first(size));
   const Priority priority = header ? header->priority : Priority{0};
-  transport::report_from(socket.number(), 1);
+  static_cast<void>(transport::report_from(socket.number(), 1));
   transport::set_traffic_class(socket.number(), priority);
   hand_over(priority, std::make_unique<transport::FrameStream>(std::move(socket), message_size_max_,
                                                                /*takes_sealed=*/users_ != nullptr));
@@ -216,8 +230,10 @@ void Acceptor::hand_over(Priority priority,
   }
 }
 
-void Acceptor::drop_late(MonotonicTime now) noexcept {
+// Looks again for the headers that are due, and drops newcomers that are late.
+void Acceptor::attend_newcomers(MonotonicTime now) noexcept {
   for (Newcomer& newcomer : newcomers_) {
+    if (newcomer.next_look <= now) place(newcomer);
     if (newcomer.socket.is_open() && newcomer.deadline <= now) end(newcomer);
   }
 }

@@ -59,6 +59,10 @@ class Acceptor {
     bool is_memory = false;
     MonotonicTime deadline{};
     wire::PeerAddress host{};
+    /// The system reports a part of a header, too; until the whole is there, it is looked for now
+    /// and then, as the part would be reported again and again.
+    bool may_be_part = false;
+    MonotonicTime next_look = kNever;
   };
   static constexpr transport::SourceKind kListener{1};
   static constexpr transport::SourceKind kMemoryListener{2};
@@ -70,12 +74,12 @@ class Acceptor {
   void note_shortage(int error, const char* what) noexcept;
   void pause_listening(MonotonicTime now) noexcept;
   [[nodiscard]] bool listen() noexcept;
-  void take_in(transport::Descriptor socket, bool is_memory) noexcept;
+  void take_in(transport::Descriptor socket, bool is_memory, bool may_be_part) noexcept;
   [[nodiscard]] Newcomer& free_place(bool is_memory) noexcept;
   void end(Newcomer& newcomer) noexcept;
   void place(Newcomer& newcomer) noexcept;
   void hand_over(Priority priority, std::unique_ptr<transport::Connection> connection) noexcept;
-  void drop_late(MonotonicTime now) noexcept;
+  void attend_newcomers(MonotonicTime now) noexcept;
   void maintain_lanes() noexcept;
 
   std::vector<transport::TcpListener> listeners_;                  ///< Empty once stopped.

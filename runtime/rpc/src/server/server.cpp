@@ -250,7 +250,13 @@ expected<void, SetupError> ServerImpl::open_access() {
 expected<std::vector<transport::SharedMemoryListener>, SetupError>
 ServerImpl::open_memory_listeners() const {
   std::vector<transport::SharedMemoryListener> listeners;
-  if (!config_.shared_memory || !transport::offers_shared_memory()) return listeners;
+  if (!transport::offers_shared_memory()) {
+    if (config_.shared_memory_folder.empty()) return listeners;
+    return setup_error("this system offers no shared memory to serve in the folder '" +
+                           config_.shared_memory_folder + "'",
+                       "", "leave the folder out; callers use UDP or TCP");
+  }
+  if (!config_.shared_memory) return listeners;
   for (const transport::InterfaceAddress& each : hosts_.addresses) {
     if (hosts_.is_any && each.address.is_link_local()) continue;
     // Containers that share a folder all have the loopback addresses.

@@ -2,9 +2,19 @@
 
 #include <array>
 #include <cstdint>
+#include <string_view>
 
-/// Facts about a crash, for its signal handler.
+/// Crashes: how they are noticed, and facts for the line about them.
 namespace rtpm::rt::os {
+
+/// Has the process's crashes reported by write_crash() of crash_line.hpp before they end it as usual.
+/// Handlers that are there already stay.
+/// @realtime set-up only
+void catch_crashes() noexcept;
+
+/// Writes to standard error as far as possible.
+/// @realtime callable in a signal handler
+void write_error(std::string_view text) noexcept;
 
 /// The calling thread's name, with a zero at its end; empty if the system keeps none.
 /// @realtime callable in a signal handler

@@ -25,6 +25,10 @@ void name_this_thread(const std::string& name) noexcept;
 /// How the system calls the level: "SCHED_FIFO 45".
 /// @realtime set-up only
 [[nodiscard]] std::string name_of_level(int level);
+/// The remedy for that request_level() gave the calling thread less than this level; empty if it did
+/// not.
+/// @realtime set-up only
+[[nodiscard]] std::string remedy_of_level(int level);
 /// The error for when request_level() has failed.
 /// @realtime set-up only
 [[nodiscard]] SetupError level_refusal(const std::string& subject, int level, int error);

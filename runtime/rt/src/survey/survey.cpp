@@ -29,9 +29,4 @@ std::vector<Finding> judge_host(const HostFiles& files, const HostAnswers& answe
       judge_huge_pages(files),    judge_swap(files, answers)};
 }
 
-std::vector<Finding> survey_host(const std::vector<int>& process_ids) {
-  const HostAnswers answers = ask_host();
-  return judge_host(read_host("", process_ids), answers);
-}
-
 }  // namespace rtpm::rt

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstring>
 
+#include "os/native_socket.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/wire/url.hpp"
 #include "sockets/native.hpp"
@@ -74,7 +75,7 @@ std::optional<SocketAddress> SocketAddress::parse(const std::string& host, std::
   if (inet_pton(AF_INET6, host.substr(0, percent).c_str(), &ipv6) != 1) return std::nullopt;
   std::uint32_t zone = 0;
   if (percent != std::string::npos) {
-    zone = if_nametoindex(host.substr(percent + 1).c_str());
+    zone = os::zone_of(host.substr(percent + 1));
     if (zone == 0) return std::nullopt;
   }
   return of_ipv6(ipv6, zone, port);
@@ -95,9 +96,7 @@ std::string SocketAddress::host() const {
   inet_ntop(family(), bytes, text.data(), text.size());
   std::string host(text.data());
   if (zone() == 0) return host;
-  std::array<char, IF_NAMESIZE> name{};
-  const bool has_name = if_indextoname(zone(), name.data()) != nullptr;
-  return host + "%" + (has_name ? std::string(name.data()) : std::to_string(zone()));
+  return host + "%" + os::name_of_zone(zone());
 }
 
 std::string SocketAddress::text() const {

@@ -2,8 +2,8 @@
 
 #include <array>
 #include <cerrno>
-#include <cstring>
 
+#include "native_remedies.hpp"
 #include "os/native_socket.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -33,15 +33,14 @@ SetupError not_reached(const std::string& host, std::uint16_t port, int error) {
   if (is_shortage(error)) return no_socket(host, port, error);
   const auto address = SocketAddress::parse(host, port);
   const char* const loopback = address && address->is_loopback() ? remedy_for_loopback() : nullptr;
-  return {wire::host_and_port(host, port) + " can't be reached over UDP", std::strerror(error),
-          loopback != nullptr ? loopback : "check the host, and this host's routes (ip route)",
-          system_error(error)};
+  return {wire::host_and_port(host, port) + " can't be reached over UDP", error_text(error),
+          loopback != nullptr ? loopback : os::kRemedyForRoute, system_error(error)};
 }
 
 SetupError no_answer(std::string_view protocol, const std::string& host, std::uint16_t port,
                      int error) {
   return {"no server answers at " + std::string(protocol) + " " + wire::host_and_port(host, port),
-          std::strerror(error), "start the server, or check host and port", system_error(error)};
+          error_text(error), "start the server, or check host and port", system_error(error)};
 }
 
 // Whether the system gave the socket the same port that it connects to, which can happen if no
@@ -112,6 +111,7 @@ class UdpTransport final : public ClientTransport {
       case ENOBUFS:
         return IoError::kFull;
       case ECONNREFUSED:
+      case ECONNRESET:  // Windows.
         return IoError::kRefused;
       default:
         return IoError::kFailed;

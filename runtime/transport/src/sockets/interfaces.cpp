@@ -3,6 +3,7 @@
 #include <span>
 #include <utility>
 
+#include "os/native_socket.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/transport/address.hpp"
 #include "sockets/native.hpp"
@@ -48,7 +49,7 @@ Addresses loopback_addresses(const Addresses& own) {
 expected<Addresses, SetupError> addresses_for(const std::string& host, const Addresses& own,
                                               MonotonicTime deadline) {
   if (host == "localhost") return loopback_addresses(own);
-  if (!SocketAddress::parse(host, 0) && if_nametoindex(host.c_str()) != 0) {
+  if (!SocketAddress::parse(host, 0) && os::zone_of(host) != 0) {
     auto found = addresses_of_interface(host, own);
     if (!found.empty()) return found;
     return setup_error("interface '" + printable(host) + "' has no address, or is down", "",

@@ -20,7 +20,7 @@ Descriptor make_lan_socket() noexcept {
 }
 
 unexpected<SetupError> failed(const std::string& what, const std::string& remedy = {}) {
-  return setup_error(what, system_error(errno), remedy);
+  return unexpected{SetupError{what, error_text(errno), remedy, system_error(errno)}};
 }
 
 }  // namespace
@@ -84,7 +84,8 @@ expected<LanSocket, SetupError> LanSocket::join(const std::string& group, std::u
   inet_pton(AF_INET, group.c_str(), &membership.imr_multiaddr);
   const SocketAddress name = SocketAddress::of_ipv4(ntohl(membership.imr_multiaddr.s_addr), port);
   const bool is_set = socket.is_open() && set_option(number, SOL_SOCKET, SO_REUSEADDR, 1) &&
-                      os::hear_joined_groups_only(number) && bind_to(number, name) == 0;
+                      os::hear_joined_groups_only(number) &&
+                      bind_to(number, os::address_to_hear(name)) == 0;
   if (!is_set) return failed("multicast group " + group + " can't be used");
   for (const NetworkInterface& interface : interfaces) {
     inet_pton(AF_INET, interface.address.c_str(), &membership.imr_interface);
@@ -122,7 +123,7 @@ void wait_for_any(const std::vector<LanSocket>& sockets, MonotonicTime until) no
   std::array<pollfd, 64> polled{};
   const std::size_t count = std::min(sockets.size(), polled.size());
   for (std::size_t i = 0; i < count; ++i)
-    polled[i] = {sockets[i].descriptor(), POLLIN, 0};
+    polled[i] = os::polled(sockets[i].descriptor());
   static_cast<void>(os::poll_until(std::span(polled).first(count), until));
 }
 

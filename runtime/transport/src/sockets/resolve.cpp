@@ -5,6 +5,7 @@
 #include <system_error>
 #include <thread>
 
+#include "os/native_socket.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/semaphore.hpp"
@@ -20,7 +21,7 @@ std::atomic<int> lookup_count{0};
 
 struct Lookup {
   std::string host{};
-  int error = EAI_SYSTEM;
+  int error = EAI_FAIL;
   std::vector<SocketAddress> addresses{};
   rt::Semaphore done{};
 };
@@ -75,6 +76,8 @@ expected<std::vector<SocketAddress>, SetupError> addresses_of(const std::string&
     return setup_error("host '" + host + "' is link-local, and lacks its zone", "",
                        "add the interface of this host that leads there: " + host + "%eth0");
   }
+  // Windows would take it for this host.
+  if (host.empty()) return not_found("has no address", "it is empty");
   const auto lookup = begin_lookup(host);
   if (!lookup) {
     return not_found("can't be looked up now",
@@ -83,7 +86,7 @@ expected<std::vector<SocketAddress>, SetupError> addresses_of(const std::string&
   if (!lookup->done.wait_until(deadline)) {
     return not_found("can't be looked up", "no name server answered in time");
   }
-  if (lookup->error != 0) return not_found("has no address", gai_strerror(lookup->error));
+  if (lookup->error != 0) return not_found("has no address", os::lookup_error_text(lookup->error));
   for (SocketAddress& address : lookup->addresses)
     address.set_port(port);
   return lookup->addresses;

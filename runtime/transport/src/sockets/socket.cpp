@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstring>
 
+#include "native_remedies.hpp"
 #include "os/native_socket.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -16,7 +16,7 @@
 namespace rtpm::transport {
 
 Descriptor::~Descriptor() {
-  if (number_ >= 0) close(number_);
+  if (number_ >= 0) os::close(number_);
 }
 
 bool is_shortage(int error) noexcept {
@@ -26,12 +26,11 @@ bool is_shortage(int error) noexcept {
 const char* remedy_for_shortage(int error) noexcept {
   switch (error) {
     case EMFILE:
-      return "raise the limit of open files (ulimit -n; LimitNOFILE= of a systemd unit), or open "
-             "fewer.";
+      return os::kRemedyForDescriptors;
     case ENFILE:
-      return "raise the host's limit of open files (sysctl fs.file-max), or end other programs.";
+      return os::kRemedyForHostsDescriptors;
     default:
-      return "raise the limit of memory (ulimit -v; MemoryMax= of a systemd unit), or free some.";
+      return os::kRemedyForMemory;
   }
 }
 
@@ -39,7 +38,7 @@ const char* remedy_for_loopback() {
   const auto own = own_addresses();
   const bool is_up = std::ranges::any_of(
       own, [](const InterfaceAddress& each) { return each.address.is_loopback(); });
-  return is_up ? nullptr : "bring the loopback interface up: sudo ip link set dev lo up.";
+  return is_up ? nullptr : os::kRemedyForLoopback;
 }
 
 SetupError no_descriptor(const std::string& what, int error) {
@@ -47,7 +46,7 @@ SetupError no_descriptor(const std::string& what, int error) {
   const char* const loopback = remedy_for_loopback();
   if (error == ENETUNREACH && loopback != nullptr) remedy = loopback;
   if (is_shortage(error)) remedy = remedy_for_shortage(error);
-  return {what + " can't be had", std::strerror(error), remedy, system_error(error)};
+  return {what + " can't be had", error_text(error), remedy, system_error(error)};
 }
 
 wire::PeerAddress this_host() noexcept {
@@ -61,7 +60,8 @@ wire::PeerAddress host_of(int socket) noexcept {
   if (getpeername(socket, generic, &size) != 0) return {};
   if (address.ss_family == AF_INET || address.ss_family == AF_INET6) {
     const auto called = SocketAddress::of(own_address(socket).peer());
-    wire::PeerAddress host = counted(SocketAddress::of(generic, size).peer(), called);
+    wire::PeerAddress host =
+        counted(SocketAddress::of(generic, static_cast<std::size_t>(size)).peer(), called);
     host.port = 0;
     return host;
   }
@@ -89,15 +89,11 @@ SetupError not_served(const std::string& what, int error) {
   const char* remedy =
       loopback != nullptr ? loopback : "give an address of this host, such as 127.0.0.1.";
   if (error == EADDRINUSE) {
-    remedy =
-        "end the program that has it (ss -lptun), or choose another port; 0 lets the system "
-        "choose.";
+    remedy = os::kRemedyForBusyPort;
   } else if (error == EACCES) {
-    remedy =
-        "choose a port from 1024 on, or 0, which lets the system choose; lower ones need root, "
-        "or CAP_NET_BIND_SERVICE.";
+    remedy = os::kRemedyForRefusedPort;
   }
-  return {what + " can't be served", std::strerror(error), remedy, system_error(error)};
+  return {what + " can't be served", error_text(error), remedy, system_error(error)};
 }
 
 void set_traffic_class(int socket, Priority priority) noexcept {
@@ -120,7 +116,7 @@ namespace {
 
 bool wait_for(int descriptor, short events, MonotonicTime until) noexcept {
   const rt::AsleepScope asleep;
-  pollfd entry{descriptor, events, 0};
+  pollfd entry = os::polled(descriptor, events);
   return os::poll_until({&entry, 1}, until) > 0;
 }
 
@@ -139,6 +135,7 @@ void limit_blocking(int socket, Duration time) noexcept {
 }
 
 bool may_block_until(MonotonicTime until, Duration time) noexcept {
+  if constexpr (!os::kReceivesMayBlock) return false;
   if (until == kNever) return true;
   const MonotonicTime now = rt::now();
   return until > now && until - now > time + kBlockTimeError;
@@ -158,7 +155,7 @@ void set_dual_stack(int socket, const SocketAddress& address) noexcept {
 }
 
 Descriptor spare_descriptor() noexcept {
-  return os::open_socket(AF_UNIX, SOCK_STREAM, os::Blocking::kYes);
+  return os::open_socket(AF_INET, SOCK_DGRAM, os::Blocking::kYes);
 }
 
 Accepted accept_or_turn_away(int listener, Descriptor& spare) noexcept {

@@ -14,12 +14,12 @@ void prepare_stream(int socket) noexcept {
   set_option(socket, SOL_SOCKET, SO_SNDBUF, 1 << 20);
 }
 
-void report_from(int socket, std::size_t size) noexcept {
-  set_option(socket, SOL_SOCKET, SO_RCVLOWAT, static_cast<int>(size));
+bool report_from(int socket, std::size_t size) noexcept {
+  return set_option(socket, SOL_SOCKET, SO_RCVLOWAT, static_cast<int>(size));
 }
 
 std::size_t peek(int socket, MutableBytes to) noexcept {
-  const ssize_t size = recv(socket, to.data(), to.size(), MSG_PEEK | MSG_DONTWAIT);
+  const std::ptrdiff_t size = recv(socket, to.data(), to.size(), MSG_PEEK | MSG_DONTWAIT);
   return size > 0 ? static_cast<std::size_t>(size) : 0;
 }
 
@@ -29,8 +29,7 @@ expected<TcpListener, SetupError> TcpListener::open(const std::string& host, std
   const std::string name = wire::host_and_port(host, port);
   Descriptor socket = os::open_socket(address->family(), SOCK_STREAM, os::Blocking::kNo);
   if (!socket.is_open()) return unexpected{no_descriptor("a TCP socket for " + name, errno)};
-  // Lets a restarted server bind its port while old connections are still ending.
-  set_option(socket.number(), SOL_SOCKET, SO_REUSEADDR, 1);
+  os::prepare_listener(socket.number());
   set_dual_stack(socket.number(), *address);
   if (bind_to(socket.number(), *address) != 0 || listen(socket.number(), kBacklog) != 0) {
     return unexpected{not_served("TCP " + name, errno)};

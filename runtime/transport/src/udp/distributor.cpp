@@ -83,8 +83,8 @@ void Distributor::run() noexcept {
   std::array<std::byte, wire::kDatagramFrameSizeMax + 1> buffer{};
   std::array<pollfd, 2> polled{};
   while (true) {
-    polled[0] = {.fd = end_.descriptor(), .events = POLLIN, .revents = 0};
-    polled[1] = {.fd = socket_.number(), .events = POLLIN, .revents = 0};
+    polled[0] = os::polled(end_.descriptor());
+    polled[1] = os::polled(socket_.number());
     static_cast<void>(os::poll_until(polled, kNever));
     if (polled[0].revents != 0) return;
     while (true) {

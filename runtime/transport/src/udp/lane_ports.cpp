@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "os/doorbell.hpp"
+#include "os/native_socket.hpp"
 #include "rtpm/base/assert.hpp"
 #include "sockets/native.hpp"
 #include "udp/distributor.hpp"
@@ -40,7 +41,7 @@ expected<std::vector<UdpPort>, SetupError> LanePorts::open_distributed(
     if (!doorbell) return no_more();
     inboxes.push_back(std::make_unique<LaneInbox>(lane.low, std::move(*doorbell)));
     // Lanes send on the one socket themselves.
-    Descriptor socket(dup(first->socket_.number()));
+    Descriptor socket = os::duplicate(first->socket_.number());
     if (!socket.is_open()) return no_more();
     UdpPort port(std::move(socket), first->own_,
                  {config.host, config.port, lane.priority, lane.low, config.index});

@@ -1,7 +1,6 @@
 #include "rtpm/transport/multicast.hpp"
 
 #include <cerrno>
-#include <cstring>
 #include <utility>
 
 #include "os/native_socket.hpp"
@@ -65,7 +64,7 @@ expected<MulticastSender, SetupError> MulticastSender::open(const MulticastGroup
                       set_option(number, IPPROTO_IP, IP_MULTICAST_LOOP, 1) &&
                       (group.interface.empty() ||
                        set_option(number, IPPROTO_IP, IP_MULTICAST_IF, addresses->interface));
-  if (!is_set) return failed(group, std::strerror(errno));
+  if (!is_set) return failed(group, error_text(errno));
   return MulticastSender(std::move(socket), addresses->group.ipv4(), addresses->group.port());
 }
 
@@ -86,9 +85,9 @@ expected<MulticastReceiver, SetupError> MulticastReceiver::open(const MulticastG
   // Not the datagrams of groups that other programs on the host have joined on the same port.
   const bool is_set = socket.is_open() && set_option(number, SOL_SOCKET, SO_REUSEADDR, 1) &&
                       os::hear_joined_groups_only(number) &&
-                      bind_to(number, addresses->group) == 0 &&
+                      bind_to(number, os::address_to_hear(addresses->group)) == 0 &&
                       set_option(number, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership);
-  if (!is_set) return failed(group, std::strerror(errno));
+  if (!is_set) return failed(group, error_text(errno));
   os::enlarge_receive_buffer(number, kBurstBufferSize);
   return MulticastReceiver(std::move(socket));
 }

@@ -69,7 +69,7 @@ expected<UdpPort, SetupError> UdpPort::open(const UdpPortConfig& config, bool jo
   const std::string name = wire::host_and_port(config.host, config.port);
   Descriptor socket = make_socket(address->family());
   if (!socket.is_open()) return unexpected{no_socket(name)};
-  set_option(socket.number(), SOL_SOCKET, SO_REUSEPORT, 1);
+  os::prepare_server_port(socket.number());
   os::enlarge_receive_buffer(socket.number(), kReceiveBufferSize);
   set_traffic_class(socket.number(), config.priority);
   set_dual_stack(socket.number(), *address);
@@ -96,7 +96,10 @@ bool UdpPort::open_waker() noexcept {
   if (own.is_unspecified()) {
     own = SocketAddress::of_ipv4(INADDR_LOOPBACK, own.port()).for_family(own_.family());
   }
-  if (!waker_.is_open() || connect_to(waker_.number(), own) != 0) return false;
+  if (!waker_.is_open()) return false;
+  // An IPv4 address in mapped form, too.
+  if (!own.is_ipv4()) set_option(waker_.number(), IPPROTO_IPV6, IPV6_V6ONLY, 0);
+  if (connect_to(waker_.number(), own) != 0) return false;
   waker_peer_ = own_address(waker_.number()).peer();
   return true;
 }

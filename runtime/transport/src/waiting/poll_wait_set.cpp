@@ -72,10 +72,10 @@ std::size_t PollWaitSet::wait(MonotonicTime until, std::span<SourceTag> ready,
   begin_wait();
   entries_.clear();
   tags_.clear();
-  entries_.push_back({.fd = doorbell_.descriptor(), .events = POLLIN, .revents = 0});
+  entries_.push_back(os::polled(doorbell_.descriptor()));
   tags_.push_back(kDoorbell);
   for (const Source& source : sources_) {
-    entries_.push_back({.fd = source.descriptor, .events = POLLIN, .revents = 0});
+    entries_.push_back(os::polled(source.descriptor));
     tags_.push_back(source.tag);
   }
   int ready_count = 0;
@@ -101,7 +101,7 @@ std::size_t PollWaitSet::wait(MonotonicTime until, std::span<SourceTag> ready,
 // Whether no other thread has removed the source meanwhile. A descriptor that was closed without
 // remove() is dropped, as in epoll.
 bool PollWaitSet::is_present(const pollfd& entry, SourceTag tag) noexcept {
-  const auto source = find(entry.fd);
+  const auto source = find(os::number_of(entry));
   if (source == sources_.end() || source->tag != tag) return false;
   if ((entry.revents & POLLNVAL) == 0) return true;
   erase(source);

@@ -521,6 +521,11 @@ TEST(SealedSessions, CoexistWithUnsealedOnesIfAllowed) {
     EXPECT_TRUE(server.receive(plain, kNow).empty());
     EXPECT_EQ(server.sealed->counters().dropped_for(DropReason::kUnsealed), 1u);
     EXPECT_TRUE(server.receive(forged(call, FrameKind::kClose, wire::Status::kOk), kNow).empty());
+    // sec-4-2: the size of a frame whose flag was taken away is not looked at.
+    Bytes stripped = call;
+    wire::unmark_sealed(stripped.data());
+    EXPECT_TRUE(server.receive(stripped, kNow).empty());
+    EXPECT_EQ(server.sealed->counters().dropped_for(DropReason::kUnsealed), 3u);
     talk(client, server, kNow);
     EXPECT_EQ(client.reply, "one");
 

@@ -34,7 +34,7 @@ class HubLinks : public testing::Test {
     return rtpm::test::made(Supplier::create(node_, hub.url(),
                                              {.types = {&kPoseDescriptor},
                                               .hops = hops,
-                                              .transport = rpc::Transport::kSharedMemory,
+                                              .transport = lossless_transport(),
                                               .deadline = kPatience}));
   }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/transport/broadcast_memory.hpp"
 #include "served_hub.hpp"
 
 // Consumers that read the hub's ring behave like those of a stream.
@@ -254,6 +255,14 @@ TEST(HubRingLimits, RingOfAnImpossibleSizeIsRefused) {
   const auto hub = Hub::create({.realtime = rt::RealtimeMode::kOff, .ring_size = 100'000});
   ASSERT_FALSE(hub);
   rtpm::test::expect_text(hub.error().text(), {"100000"});
+}
+
+TEST(HubRingLimits, RingThatTheSystemDoesNotOfferIsRefused) {
+  if (transport::offers_broadcast_memory()) GTEST_SKIP() << "this system offers rings";
+  const auto hub = Hub::create({.realtime = rt::RealtimeMode::kOff, .ring_size = 64 * 1024});
+  ASSERT_FALSE(hub);
+  rtpm::test::expect_text(hub.error().text(),
+                          {"offers no events through shared memory", "Remedy", "no ring"});
 }
 
 }  // namespace

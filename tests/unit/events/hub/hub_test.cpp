@@ -1,4 +1,3 @@
-#include <errno.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -10,6 +9,7 @@
 
 #include "rtpm/events/hub_report.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
 #include "served_hub.hpp"
 
 // A hub behind a server, on every transport.
@@ -179,7 +179,7 @@ TEST_P(HubConsumers, AreListedWithTheSlowestFirst) {
   EXPECT_EQ(list[1].lost_count, 0u);
   EXPECT_LT(list[1].lag, list[0].lag);
   for (const HubConsumer& each : list) {
-    EXPECT_EQ(each.program, std::string(::program_invocation_short_name).substr(0, 64));
+    EXPECT_EQ(each.program, rt::program_name().substr(0, 64));
     EXPECT_EQ(each.process, static_cast<std::uint32_t>(::getpid()));
     EXPECT_EQ(each.host, "127.0.0.1");
     EXPECT_EQ(each.way, GetParam() ? "ring" : "stream");

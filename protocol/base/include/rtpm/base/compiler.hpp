@@ -31,4 +31,11 @@ inline void load_alone(std::uint64_t& value) noexcept {
 #endif
 }
 
+/// Two compilers with the same number lay out the same types alike.
+#if defined(_MSC_VER)
+inline constexpr std::uint32_t kCompilerAbi = _MSC_VER / 100;
+#else
+inline constexpr std::uint32_t kCompilerAbi = __GXX_ABI_VERSION;
+#endif
+
 }  // namespace rtpm::inline base

@@ -112,12 +112,12 @@ class CallsState final : public Part, public std::enable_shared_from_this<CallsS
     if (!number) return false;
     descriptor_.emplace(io_);
     ErrorCode error;
-    static_cast<void>(descriptor_->assign(*number, error));
+    assign(*descriptor_, *number, error);
     if (error) descriptor_.reset();
     return !error;
   }
   void release_descriptor() noexcept {
-    if (descriptor_) static_cast<void>(descriptor_->release());
+    if (descriptor_) give_back(*descriptor_);
     descriptor_.reset();
   }
   /// Waits while there is something to wait for, so that the loop ends when nothing is left.
@@ -125,7 +125,7 @@ class CallsState final : public Part, public std::enable_shared_from_this<CallsS
     const bool is_wanted = completions_.open_count() > 0;
     if (is_wanted && !is_waiting_) {
       is_waiting_ = true;
-      descriptor_->async_wait(net::posix::descriptor_base::wait_read,
+      descriptor_->async_wait(Watched::wait_read,
                               [self = shared_from_this()](const ErrorCode&) { self->poll(); });
     } else if (!is_wanted && is_waiting_) {
       ErrorCode ignored;
@@ -144,7 +144,7 @@ class CallsState final : public Part, public std::enable_shared_from_this<CallsS
   std::mutex mutex_{};
   rpc::Completions completions_{};
   /// Waits for the descriptor of `completions_`, which closes it.
-  std::optional<net::posix::stream_descriptor> descriptor_{};
+  std::optional<Watched> descriptor_{};
   bool is_waiting_ = false;
   bool is_shut_down_ = false;
   std::vector<std::unique_ptr<Posted>> dropped_{};

@@ -16,7 +16,12 @@
 #include <boost/asio/execution_context.hpp>
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
+#ifdef BOOST_ASIO_HAS_POSIX_STREAM_DESCRIPTOR
 #include <boost/asio/posix/stream_descriptor.hpp>
+#define RTPM_ASIO_HAS_DESCRIPTORS 1
+#else
+#include <boost/asio/ip/udp.hpp>
+#endif
 #include <boost/asio/post.hpp>
 #include <boost/asio/query.hpp>
 #if __has_include(<boost/asio/associated_cancellation_slot.hpp>)
@@ -37,7 +42,12 @@
 #include <asio/execution_context.hpp>
 #include <asio/executor_work_guard.hpp>
 #include <asio/io_context.hpp>
+#ifdef ASIO_HAS_POSIX_STREAM_DESCRIPTOR
 #include <asio/posix/stream_descriptor.hpp>
+#define RTPM_ASIO_HAS_DESCRIPTORS 1
+#else
+#include <asio/ip/udp.hpp>
+#endif
 #include <asio/post.hpp>
 #include <asio/query.hpp>
 #define RTPM_ASIO_HAS_SLOTS 1
@@ -69,6 +79,36 @@ using ErrorCategory = boost::system::error_category;
 namespace net = ::asio;
 using ErrorCode = std::error_code;
 using ErrorCategory = std::error_category;
+#endif
+
+/// A descriptor of RTPM's, in a loop.
+#ifdef RTPM_ASIO_HAS_DESCRIPTORS
+using Watched = net::posix::stream_descriptor;
+inline void assign(Watched& watched, int descriptor, ErrorCode& error) {
+  static_cast<void>(watched.assign(descriptor, error));
+}
+/// Leaves the descriptor to RTPM.
+inline void give_back(Watched& watched) noexcept {
+  static_cast<void>(watched.release());
+}
+#else  // On Windows it is a socket, to which the loop has a handle of its own.
+using Watched = net::ip::udp::socket;
+inline void assign(Watched& watched, int descriptor, ErrorCode& error) {
+  WSAPROTOCOL_INFOW known{};
+  SOCKET own = INVALID_SOCKET;
+  if (::WSADuplicateSocketW(static_cast<SOCKET>(descriptor), ::GetCurrentProcessId(), &known) ==
+      0) {
+    own = ::WSASocketW(FROM_PROTOCOL_INFO, FROM_PROTOCOL_INFO, FROM_PROTOCOL_INFO, &known, 0,
+                       WSA_FLAG_OVERLAPPED);
+  }
+  if (own == INVALID_SOCKET) {
+    error.assign(::WSAGetLastError(), net::error::get_system_category());
+    return;
+  }
+  static_cast<void>(watched.assign(net::ip::udp::v4(), own, error));
+  if (error) ::closesocket(own);
+}
+inline void give_back(Watched&) noexcept {}
 #endif
 
 /// The codes of rpc::CallError, with the messages of rpc::to_string().

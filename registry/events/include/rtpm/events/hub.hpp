@@ -40,8 +40,9 @@ struct HubConfig {
   std::optional<Priority> priority{16'384};  ///< Thread "rtpm-hub"; time-shared if unset.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   /// The size of the ring for consumers on this host, in bytes: 2^n, at least 64 Ki. If 0, there is
-  /// no ring, and each consumer has a stream.
-  std::uint32_t ring_size = 4 * 1024 * 1024;
+  /// no ring, and each consumer has a stream. nullopt: 4 MiB where the system offers shared memory,
+  /// else 0; there create() refuses any other size.
+  std::optional<std::uint32_t> ring_size{};
   /// nullopt disables multicast.
   std::optional<MulticastConfig> multicast{};
 };

@@ -20,6 +20,7 @@
 
 #include "rtpm/base/printable.hpp"
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/utf8_path.hpp"
 
 namespace rtpm::access::os {
 namespace {
@@ -43,14 +44,6 @@ std::error_code error_of(DWORD number) noexcept {
 }
 std::error_code last_error() noexcept {
   return error_of(GetLastError());
-}
-
-std::filesystem::path path_of(const std::string& text) {
-  return std::u8string(text.begin(), text.end());
-}
-std::string text_of(const std::filesystem::path& path) {
-  const std::u8string text = path.u8string();
-  return {text.begin(), text.end()};
 }
 
 /// Memory that Windows allocated.
@@ -110,7 +103,7 @@ std::string text_of_sid(PSID sid) {
   wchar_t* text = nullptr;
   if (ConvertSidToStringSidW(sid, &text) == 0) return "?";
   const Local<wchar_t> freed(text);
-  return text_of(std::filesystem::path(text));
+  return utf8_of(std::filesystem::path(text));
 }
 
 /// A descriptor that gives a new file or folder to this user, administrators and the system, and
@@ -121,7 +114,7 @@ Local<void> private_descriptor() {
   const std::string user = text_of_sid(as_sid(own));
   const std::string text = "D:P(A;OICI;FA;;;SY)(A;OICI;FA;;;BA)(A;OICI;FA;;;" + user + ")";
   PSECURITY_DESCRIPTOR made = nullptr;
-  ConvertStringSecurityDescriptorToSecurityDescriptorW(path_of(text).c_str(), SDDL_REVISION_1,
+  ConvertStringSecurityDescriptorToSecurityDescriptorW(path_of_utf8(text).c_str(), SDDL_REVISION_1,
                                                        &made, nullptr);
   return Local<void>(made);
 }
@@ -179,7 +172,7 @@ File create(const std::string& path, DWORD disposition, DWORD access,
             PSECURITY_DESCRIPTOR descriptor) {
   SECURITY_ATTRIBUTES attributes = attributes_of(descriptor);
   return File(
-      number_of(CreateFileW(path_of(path).c_str(), access, kShareAll, &attributes, disposition,
+      number_of(CreateFileW(path_of_utf8(path).c_str(), access, kShareAll, &attributes, disposition,
                             FILE_ATTRIBUTE_NORMAL | FILE_FLAG_OPEN_REPARSE_POINT, nullptr)));
 }
 
@@ -188,7 +181,7 @@ Local<void> descriptor_like(const std::string& path) {
   PSECURITY_DESCRIPTOR found = nullptr;
   ACL* list = nullptr;
   const DWORD error =
-      GetNamedSecurityInfoW(path_of(path).c_str(), SE_FILE_OBJECT, DACL_SECURITY_INFORMATION,
+      GetNamedSecurityInfoW(path_of_utf8(path).c_str(), SE_FILE_OBJECT, DACL_SECURITY_INFORMATION,
                             nullptr, nullptr, &list, nullptr, &found);
   return error == ERROR_SUCCESS ? Local<void>(found) : private_descriptor();
 }
@@ -207,7 +200,7 @@ void close(Number number) noexcept {
 
 expected<File, std::error_code> open(const std::string& path, Mode mode) {
   if (mode == Mode::kRead) {
-    File file(number_of(CreateFileW(path_of(path).c_str(), GENERIC_READ, kShareAll, nullptr,
+    File file(number_of(CreateFileW(path_of_utf8(path).c_str(), GENERIC_READ, kShareAll, nullptr,
                                     OPEN_EXISTING, FILE_ATTRIBUTE_NORMAL, nullptr)));
     if (file.number() == kNoFile) return unexpected{last_error()};
     return file;
@@ -280,17 +273,18 @@ std::uint64_t size_of(Number file) noexcept {
 }
 
 void remove(const std::string& path) noexcept {
-  DeleteFileW(path_of(path).c_str());
+  DeleteFileW(path_of_utf8(path).c_str());
 }
 
 std::error_code rename(const std::string& from, const std::string& to) noexcept {
   constexpr DWORD kFlags = MOVEFILE_REPLACE_EXISTING | MOVEFILE_WRITE_THROUGH;
-  return MoveFileExW(path_of(from).c_str(), path_of(to).c_str(), kFlags) != 0 ? std::error_code()
-                                                                              : last_error();
+  return MoveFileExW(path_of_utf8(from).c_str(), path_of_utf8(to).c_str(), kFlags) != 0
+             ? std::error_code()
+             : last_error();
 }
 
 std::error_code make_folder_of(const std::string& path) {
-  const std::filesystem::path folder = path_of(path).parent_path();
+  const std::filesystem::path folder = path_of_utf8(path).parent_path();
   std::error_code error;
   if (folder.empty() || std::filesystem::exists(folder, error)) return {};
   if (folder.has_parent_path()) {
@@ -306,16 +300,16 @@ std::error_code make_folder_of(const std::string& path) {
 
 expected<std::string, std::error_code> real_path_of(const std::string& path) {
   std::error_code error;
-  const std::filesystem::path real = std::filesystem::weakly_canonical(path_of(path), error);
+  const std::filesystem::path real = std::filesystem::weakly_canonical(path_of_utf8(path), error);
   if (error) return unexpected{error};
-  return text_of(real);
+  return utf8_of(real);
 }
 
 // The lock is a file beside it, which only one program can open and which goes with its handle: a
 // file that is open can't be replaced.
 expected<std::optional<File>, std::error_code> lock(const std::string& path) {
   const HANDLE file =
-      CreateFileW(path_of(path + ".lock").c_str(), GENERIC_WRITE | DELETE, 0, nullptr,
+      CreateFileW(path_of_utf8(path + ".lock").c_str(), GENERIC_WRITE | DELETE, 0, nullptr,
                   CREATE_ALWAYS, FILE_ATTRIBUTE_HIDDEN | FILE_FLAG_DELETE_ON_CLOSE, nullptr);
   if (file != INVALID_HANDLE_VALUE) return std::optional<File>(File(number_of(file)));
   // Access is also denied while the lock before is being deleted; the caller tries for some time.
@@ -350,8 +344,8 @@ void pause() noexcept {
 
 std::string variable(const char* name) {
   // NOLINTNEXTLINE(concurrency-mt-unsafe): set-up.
-  const wchar_t* const value = _wgetenv(path_of(name).c_str());
-  return value == nullptr ? std::string() : text_of(std::filesystem::path(value));
+  const wchar_t* const value = _wgetenv(path_of_utf8(name).c_str());
+  return value == nullptr ? std::string() : utf8_of(std::filesystem::path(value));
 }
 
 std::string default_key_folder() {
@@ -365,7 +359,7 @@ std::string_view key_folder_variables() noexcept {
 
 FileStamp stamp_of(const std::string& path) noexcept {
   const File file(
-      number_of(CreateFileW(path_of(path).c_str(), FILE_READ_ATTRIBUTES, kShareAll, nullptr,
+      number_of(CreateFileW(path_of_utf8(path).c_str(), FILE_READ_ATTRIBUTES, kShareAll, nullptr,
                             OPEN_EXISTING, FILE_FLAG_BACKUP_SEMANTICS, nullptr)));
   BY_HANDLE_FILE_INFORMATION found{};
   FILE_BASIC_INFO times{};
@@ -392,7 +386,7 @@ std::string user_at_host() {
       GetComputerNameExW(ComputerNameDnsHostname, host.data(), &host_size) == 0) {
     return {};
   }
-  return text_of(user.data()) + "@" + text_of(host.data());
+  return utf8_of(user.data()) + "@" + utf8_of(host.data());
 }
 
 // Windows has no numbers of users. The last part of the user's id tells those of one machine apart.

@@ -40,8 +40,10 @@ void add_caller(const Options& options, ServerSettings& settings);
 [[nodiscard]] rpc::NodeSecurity node_security(const ServerSettings& settings);
 
 /// Requests the configured CPU latency for the process, for the lifetime of the returned object.
+/// Call it after add_server() and Options::parse().
 /// @realtime set-up only
-/// @errors   as rt::CpuLatencyRequest::open(), in the server's mode
+/// @errors   --shared-memory where the system offers none; as rt::CpuLatencyRequest::open(), in the
+///           server's mode
 [[nodiscard]] expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settings);
 
 /// Prints on standard error the served addresses, a line each, if programs of other hosts can reach

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <string_view>
 
+#include "rtpm/base/utf8_path.hpp"
+
 namespace rtpm::options::os {
 
 std::vector<std::string> environment() {
@@ -13,8 +15,7 @@ std::vector<std::string> environment() {
   if (block == nullptr) return variables;
   for (const wchar_t* at = block; *at != L'\0';) {
     const std::wstring_view variable(at);
-    const std::u8string text = std::filesystem::path(variable).u8string();
-    variables.emplace_back(text.begin(), text.end());
+    variables.push_back(utf8_of(variable));
     at += variable.size() + 1;
   }
   FreeEnvironmentStringsW(block);

@@ -38,7 +38,7 @@ class CodeName {
 
 /// Makes SIGSEGV, SIGBUS, SIGILL, SIGFPE and SIGABRT print one line before they end the process as
 /// usual: the program, the thread, its notes and the named code. A signal that already has a
-/// handler, such as a sanitizer's, keeps it.
+/// handler, such as a sanitizer's, keeps it. On Windows: unhandled exceptions, and SIGABRT.
 /// @param program, remedy  texts with static lifetime; an empty remedy is left out
 /// @realtime set-up only
 void report_crashes(const char* program, const char* remedy) noexcept;

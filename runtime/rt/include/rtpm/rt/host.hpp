@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -20,6 +21,19 @@ namespace rtpm::rt {
 /// 64 random bits from the kernel, never 0.
 /// @realtime set-up only
 [[nodiscard]] std::uint64_t random_u64() noexcept;
+
+/// The name of the program that this process runs, without its folder: "rtpm-deviced".
+/// @realtime set-up only
+[[nodiscard]] std::string program_name();
+
+/// The name of this machine in its network; empty if it has none.
+/// @realtime set-up only
+[[nodiscard]] std::string host_name();
+
+/// The version of the operating system's kernel, such as "6.1.0-28-amd64", or "10.0.19045" of
+/// Windows; empty if the system does not tell.
+/// @realtime set-up only
+[[nodiscard]] std::string kernel_version();
 
 /// The CPUs that the calling thread may run on, ascending; empty where the system confines no
 /// threads to CPUs.

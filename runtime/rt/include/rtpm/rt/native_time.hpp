@@ -11,7 +11,9 @@ namespace rtpm::rt {
 /// @realtime alloc-free
 [[nodiscard]] constexpr timespec to_timespec(Duration duration) noexcept {
   constexpr std::int64_t kSecond = 1'000'000'000;
-  return {.tv_sec = duration.count() / kSecond, .tv_nsec = duration.count() % kSecond};
+  // Some systems' `long` has 32 bits.
+  return {.tv_sec = duration.count() / kSecond,
+          .tv_nsec = static_cast<long>(duration.count() % kSecond)};
 }
 
 /// A time on CLOCK_MONOTONIC.

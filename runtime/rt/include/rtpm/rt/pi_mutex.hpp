@@ -4,8 +4,8 @@
 
 namespace rtpm::rt {
 
-/// A mutex with priority inheritance: its holder runs at the priority of the most urgent waiter, so
-/// a middle lane can't delay a higher lane that waits for a lower one. Works with std::lock_guard.
+/// A mutex with priority inheritance, which Windows lacks: its holder runs at the priority of the
+/// most urgent waiter, so no middle lane delays it meanwhile. Works with std::lock_guard.
 /// @threads  any
 /// @realtime alloc-free; no syscall if uncontended
 class PiMutex {

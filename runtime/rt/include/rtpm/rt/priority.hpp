@@ -8,8 +8,8 @@
 
 namespace rtpm::rt {
 
-/// The SCHED_FIFO levels that RTPM uses. The top ones are left to the kernel's own threads:
-/// migration and watchdog run at 99, and RTPM must never delay them.
+/// The SCHED_FIFO levels that RTPM uses, of which Windows makes six. The top ones are left to the
+/// kernel's own threads: migration and watchdog run at 99, and RTPM must never delay them.
 inline constexpr int kNativeLowest = 1;
 inline constexpr int kNativeHighest = 89;
 

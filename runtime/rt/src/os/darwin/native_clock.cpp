@@ -13,10 +13,6 @@ std::int64_t time_ns() noexcept {
   return static_cast<std::int64_t>(clock_gettime_nsec_np(CLOCK_UPTIME_RAW));
 }
 
-bool counts_ticks() noexcept {
-  return false;
-}
-
 void sleep_until(MonotonicTime time) noexcept {
   static const mach_timebase_info_data_t base = [] {
     mach_timebase_info_data_t made{};

@@ -38,6 +38,10 @@ std::string name_of_level(int level) {
   return "SCHED_RR " + std::to_string(native(level));
 }
 
+std::string remedy_of_level(int) {
+  return {};
+}
+
 SetupError level_refusal(const std::string& subject, int level, int error) {
   const std::error_code cause = system_error(error);
   return {subject + " can't run at " + name_of_level(level) + " (" + cause.message() + ")",

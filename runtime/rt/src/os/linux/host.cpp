@@ -29,6 +29,10 @@ std::uint64_t clock_domain() noexcept {
       {time_namespace.data(), static_cast<std::size_t>(std::max<ssize_t>(time_namespace_size, 0))});
 }
 
+std::string program_name() {
+  return program_invocation_short_name;
+}
+
 std::uint64_t random_u64() noexcept {
   std::uint64_t value = 0;
   while (value == 0) {

@@ -37,7 +37,7 @@ std::string text_of(const std::string& cause) {
 
 }  // namespace
 
-expected<void, SetupError> lock_all_memory() {
+expected<std::string, SetupError> lock_all_memory() {
   // Memory that malloc returned to the kernel would page-fault when needed again.
   mallopt(M_TRIM_THRESHOLD, -1);
   mallopt(M_MMAP_MAX, 0);
@@ -47,7 +47,7 @@ expected<void, SetupError> lock_all_memory() {
   if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0) {
     return unexpected{SetupError{text_of(std::strerror(errno)), {}, kRemedy}};
   }
-  if (has_room_to_grow()) return {};
+  if (has_room_to_grow()) return std::string();
   // Worse than page faults: from here on the program could allocate no memory and start no thread.
   munlockall();
   return unexpected{SetupError{text_of("there would be no room to grow"), {}, kRemedy}};

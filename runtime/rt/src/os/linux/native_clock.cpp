@@ -6,6 +6,7 @@
 
 #include "file_text.hpp"
 #include "rtpm/rt/native_time.hpp"
+#include "tick_counter.hpp"
 
 namespace rtpm::rt::os {
 

@@ -51,6 +51,10 @@ std::string name_of_level(int level) {
   return "SCHED_FIFO " + std::to_string(level);
 }
 
+std::string remedy_of_level(int) {
+  return {};
+}
+
 SetupError level_refusal(const std::string& subject, int level, int error) {
   rlimit limit{};
   getrlimit(RLIMIT_RTPRIO, &limit);

@@ -13,7 +13,7 @@
 namespace rtpm::rt {
 namespace {
 
-sem_t* native(std::byte* storage) noexcept {
+sem_t* semaphore_in(std::byte* storage) noexcept {
   return std::launder(reinterpret_cast<sem_t*>(storage));
 }
 
@@ -25,27 +25,27 @@ Semaphore::Semaphore() noexcept {
 }
 
 Semaphore::~Semaphore() {
-  sem_destroy(native(storage_));
+  sem_destroy(semaphore_in(storage_));
 }
 
 void Semaphore::post() noexcept {
-  const int error = sem_post(native(storage_));
+  const int error = sem_post(semaphore_in(storage_));
   RTPM_ASSERT(error == 0, "a semaphore is waited for as often as it is posted");
 }
 
 bool Semaphore::wait_until(MonotonicTime deadline) noexcept {
   // If the count is above 0, there is no sleep.
-  if (sem_trywait(native(storage_)) == 0) return true;
+  if (sem_trywait(semaphore_in(storage_)) == 0) return true;
   const AsleepScope asleep;
   if (deadline == kNever) {
-    while (sem_wait(native(storage_)) != 0) {
+    while (sem_wait(semaphore_in(storage_)) != 0) {
     }
     return true;
   }
   const timespec until = to_timespec(deadline);
   int result = 0;
   do {
-    result = sem_clockwait(native(storage_), CLOCK_MONOTONIC, &until);
+    result = sem_clockwait(semaphore_in(storage_), CLOCK_MONOTONIC, &until);
   } while (result != 0 && errno == EINTR);
   return result == 0;
 }

@@ -13,6 +13,11 @@ std::uint64_t clock_domain() noexcept {
   return 0;
 }
 
+// POSIX does not tell.
+std::string program_name() {
+  return "a program";
+}
+
 std::uint64_t random_u64() noexcept {
   std::uint64_t value = 0;
   while (value == 0) {

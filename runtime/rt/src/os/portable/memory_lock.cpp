@@ -2,7 +2,7 @@
 
 namespace rtpm::rt::os {
 
-expected<void, SetupError> lock_all_memory() {
+expected<std::string, SetupError> lock_all_memory() {
   return unexpected{SetupError{
       "memory can't be locked (this system locks none as it is touched): page faults may delay "
       "real-time threads",

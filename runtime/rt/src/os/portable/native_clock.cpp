@@ -19,10 +19,6 @@ std::int64_t time_ns() noexcept {
   return read_clock(CLOCK_MONOTONIC).count();
 }
 
-bool counts_ticks() noexcept {
-  return false;
-}
-
 // A sleep can be relative only (POSIX's clock_nanosleep is an option), so it is repeated.
 void sleep_until(MonotonicTime time) noexcept {
   for (;;) {

@@ -13,7 +13,7 @@ namespace {
 
 using Standard = std::counting_semaphore<>;
 
-Standard* native(std::byte* storage) noexcept {
+Standard* semaphore_in(std::byte* storage) noexcept {
   return std::launder(reinterpret_cast<Standard*>(storage));
 }
 
@@ -25,25 +25,25 @@ Semaphore::Semaphore() noexcept {
 }
 
 Semaphore::~Semaphore() {
-  native(storage_)->~Standard();
+  semaphore_in(storage_)->~Standard();
 }
 
 void Semaphore::post() noexcept {
-  native(storage_)->release();
+  semaphore_in(storage_)->release();
 }
 
 bool Semaphore::wait_until(MonotonicTime deadline) noexcept {
-  if (native(storage_)->try_acquire()) return true;
+  if (semaphore_in(storage_)->try_acquire()) return true;
   const AsleepScope asleep;
   if (deadline == kNever) {
-    native(storage_)->acquire();
+    semaphore_in(storage_)->acquire();
     return true;
   }
   // The two clocks may differ, and such a wait may end early.
   for (Duration left = deadline - now(); left > Duration{0}; left = deadline - now()) {
-    if (native(storage_)->try_acquire_for(left)) return true;
+    if (semaphore_in(storage_)->try_acquire_for(left)) return true;
   }
-  return native(storage_)->try_acquire();
+  return semaphore_in(storage_)->try_acquire();
 }
 
 }  // namespace rtpm::rt

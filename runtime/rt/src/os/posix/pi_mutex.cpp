@@ -10,7 +10,7 @@
 namespace rtpm::rt {
 namespace {
 
-pthread_mutex_t* native(std::byte* storage) noexcept {
+pthread_mutex_t* mutex_in(std::byte* storage) noexcept {
   return std::launder(reinterpret_cast<pthread_mutex_t*>(storage));
 }
 
@@ -29,23 +29,23 @@ PiMutex::PiMutex() noexcept {
 }
 
 PiMutex::~PiMutex() {
-  pthread_mutex_destroy(native(storage_));
+  pthread_mutex_destroy(mutex_in(storage_));
 }
 
 void PiMutex::lock() noexcept {
   // Takes a free mutex without reading the clock; waiting counts as sleep.
-  if (pthread_mutex_trylock(native(storage_)) == 0) return;
+  if (pthread_mutex_trylock(mutex_in(storage_)) == 0) return;
   const AsleepScope asleep;
-  const int error = pthread_mutex_lock(native(storage_));
+  const int error = pthread_mutex_lock(mutex_in(storage_));
   RTPM_ASSERT(error == 0, "a mutex is locked once per thread");
 }
 
 bool PiMutex::try_lock() noexcept {
-  return pthread_mutex_trylock(native(storage_)) == 0;
+  return pthread_mutex_trylock(mutex_in(storage_)) == 0;
 }
 
 void PiMutex::unlock() noexcept {
-  const int error = pthread_mutex_unlock(native(storage_));
+  const int error = pthread_mutex_unlock(mutex_in(storage_));
   RTPM_ASSERT(error == 0, "the thread that locked a mutex unlocks it");
 }
 

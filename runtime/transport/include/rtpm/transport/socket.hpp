@@ -13,7 +13,7 @@
 
 namespace rtpm::transport {
 
-/// Owns a file descriptor and closes it.
+/// Owns a file descriptor, on Windows the handle of a socket or a file, and closes it.
 class Descriptor {
  public:
   Descriptor() noexcept = default;
@@ -38,6 +38,10 @@ struct Accepted {
   /// The connection could not even be closed, and keeps waking its acceptor.
   bool still_waits = false;
 };
+
+/// The system's text for an error number: "Connection refused".
+/// @threads  the text stays valid; some systems replace the text of an unknown number
+[[nodiscard]] const char* error_text(int error) noexcept;
 
 /// The error for when the system gave no descriptor or memory for `what`, with cause and remedy by
 /// error number.

@@ -11,11 +11,13 @@
 /// A folder of UNIX sockets through whose names the programs of one user find each other on a host.
 /// The file name carries all the information; the kernel tells whether its program is alive: it
 /// refuses a connect as soon as the socket is closed, however the program ended. Nothing is ever
-/// sent, so a program that hangs delays no reader.
+/// sent, so a program that hangs delays no reader. On Windows, files that the system deletes when
+/// their programs end take the place of the sockets.
 namespace rtpm::transport {
 
 /// The folder of this user's sockets: $RTPM_RUNTIME_FOLDER, otherwise "rtpm-names" in
-/// $XDG_RUNTIME_DIR or /run/user/UID, otherwise /tmp/rtpm-names-UID.
+/// $XDG_RUNTIME_DIR or /run/user/UID, otherwise /tmp/rtpm-names-UID; on Windows otherwise
+/// %LOCALAPPDATA%\rtpm\run.
 /// @realtime set-up only
 [[nodiscard]] std::string runtime_folder();
 
@@ -40,7 +42,7 @@ class FolderSocket {
   /// Creates the socket, and the folder, for this user only, if it does not exist.
   /// @realtime set-up only
   /// @errors   the folder is a link, belongs to another user, or is open to other users; the name
-  ///           exists already, or can't be a file name
+  ///           exists already, or can't be a file name. Windows does not tell of other users
   [[nodiscard]] static expected<FolderSocket, SetupError> create(std::string folder,
                                                                  std::string name);
   FolderSocket(FolderSocket&&) noexcept = default;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <iosfwd>
 #include <optional>
 #include <span>
 #include <vector>
@@ -12,6 +11,7 @@ namespace rtpm::transport {
 
 /// The users that have a socket on this host which receives datagrams or connections at the
 /// address: bound to it, or to all addresses. Without duplicates; nullopt if the system hides them.
+/// Where users have no numbers, this one and the system are 0.
 /// @realtime set-up only
 [[nodiscard]] std::optional<std::vector<std::uint32_t>> users_at(const SocketAddress& address);
 
@@ -19,10 +19,5 @@ namespace rtpm::transport {
 /// @realtime alloc-free, one system call
 [[nodiscard]] bool is_trusted_user(std::uint32_t user,
                                    std::span<const std::uint32_t> others) noexcept;
-
-/// The users at an address in one table of /proc/net, for TCP or UDP sockets.
-/// @realtime set-up only
-[[nodiscard]] std::vector<std::uint32_t> users_in_table(std::istream& table, bool is_tcp,
-                                                        const SocketAddress& address);
 
 }  // namespace rtpm::transport

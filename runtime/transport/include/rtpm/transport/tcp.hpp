@@ -37,7 +37,8 @@ void prepare_stream(int socket) noexcept;
 
 /// Makes polls report the stream only once `size` bytes have arrived, or it has ended. The default
 /// is 1.
-void report_from(int socket, std::size_t size) noexcept;
+/// @return false if the system has no such setting: polls report the first byte
+[[nodiscard]] bool report_from(int socket, std::size_t size) noexcept;
 
 /// Copies received bytes to `to` without consuming them. Never blocks.
 /// @return the number of bytes; 0 if there are none, or the stream has ended

@@ -4,9 +4,10 @@
 namespace rtpm::transport {
 namespace {
 
-unexpected<SetupError> not_offered() {
-  return setup_error("this system offers no events through shared memory", "",
-                     "deliver them over UDP or TCP (--delivery, as the hub's help says)");
+unexpected<SetupError> no_broadcast_memory() {
+  return setup_error(
+      "this system offers no events through shared memory", "",
+      "give the hub no ring (HubConfig::ring_size): events take streams, or multicast");
 }
 
 }  // namespace
@@ -32,17 +33,17 @@ void BroadcastBell::ring(std::uint32_t) noexcept {}
 void BroadcastBell::sleep(std::uint32_t, std::uint32_t, MonotonicTime) noexcept {}
 
 expected<BroadcastMemory, SetupError> BroadcastMemory::make(std::size_t) {
-  return not_offered();
+  return no_broadcast_memory();
 }
 
 expected<BroadcastDoor, SetupError> BroadcastDoor::open(std::uint64_t) {
-  return not_offered();
+  return no_broadcast_memory();
 }
 
 void BroadcastDoor::let_in(const BroadcastMemory&) noexcept {}
 
 expected<BroadcastView, SetupError> BroadcastView::open(std::uint64_t, MonotonicTime) {
-  return not_offered();
+  return no_broadcast_memory();
 }
 
 }  // namespace rtpm::transport

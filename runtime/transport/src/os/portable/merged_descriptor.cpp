@@ -103,9 +103,9 @@ class PolledDescriptor final : public MergedDescriptor {
       {
         const std::lock_guard lock(mutex_);
         if (is_ending_) return;
-        entries.assign(1, {.fd = change_.descriptor(), .events = POLLIN, .revents = 0});
+        entries.assign(1, os::polled(change_.descriptor()));
         for (const Watched& each : watched_)
-          entries.push_back({.fd = each.descriptor, .events = POLLIN, .revents = 0});
+          entries.push_back(os::polled(each.descriptor));
         if (!has_alarmed_) until = alarm_;
       }
       static_cast<void>(os::poll_until(entries, until));
@@ -118,7 +118,7 @@ class PolledDescriptor final : public MergedDescriptor {
     bool has_news = false;
     for (const pollfd& entry : entries) {
       // A closed descriptor is no longer reported.
-      const auto watched = std::ranges::find(watched_, entry.fd, &Watched::descriptor);
+      const auto watched = std::ranges::find(watched_, os::number_of(entry), &Watched::descriptor);
       if (entry.revents == 0 || watched == watched_.end()) continue;
       if ((entry.revents & POLLNVAL) == 0) {
         ready_.push_back(*watched);

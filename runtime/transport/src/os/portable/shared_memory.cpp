@@ -4,7 +4,7 @@
 namespace rtpm::transport {
 namespace {
 
-unexpected<SetupError> not_offered() {
+unexpected<SetupError> no_shared_memory() {
   return setup_error("this system offers no calls through shared memory", "",
                      "call over UDP or TCP, or let RTPM choose (auto)");
 }
@@ -16,7 +16,7 @@ bool offers_shared_memory() noexcept {
 }
 
 expected<SharedMemoryListener, SetupError> SharedMemoryListener::open(const SharedMemoryAddress&) {
-  return not_offered();
+  return no_shared_memory();
 }
 
 SharedMemoryListener::~SharedMemoryListener() = default;
@@ -35,7 +35,7 @@ bool is_shared_memory_served(const SharedMemoryAddress&, MonotonicTime) noexcept
 
 expected<std::unique_ptr<ClientTransport>, SetupError> open_shared_memory_transport(
     const SharedMemoryAddress&, Priority, MonotonicTime) {
-  return not_offered();
+  return no_shared_memory();
 }
 
 }  // namespace rtpm::transport

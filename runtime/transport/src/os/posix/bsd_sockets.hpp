@@ -14,3 +14,18 @@
 #ifndef MSG_NOSIGNAL
 #define MSG_NOSIGNAL 0
 #endif
+
+namespace rtpm::transport::os {
+
+/// Whether a receive can wait for a limited time.
+inline constexpr bool kReceivesMayBlock = true;
+
+/// An entry for poll_until(), and its descriptor.
+[[nodiscard]] inline pollfd polled(int descriptor, short events = POLLIN) noexcept {
+  return {descriptor, events, 0};
+}
+[[nodiscard]] inline int number_of(const pollfd& entry) noexcept {
+  return entry.fd;
+}
+
+}  // namespace rtpm::transport::os

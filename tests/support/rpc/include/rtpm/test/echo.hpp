@@ -133,12 +133,12 @@ class Servant final : public rpc::Servant {
     place.current_priority = current ? current->value() : -1;
     place.policy = scheduling.policy;
     place.level = scheduling.level;
-    place.thread = gettid();
+    place.thread = number_of_this_thread();
     place.session = context.session;
     place.trace_id = context.trace_id;
     place.received_ns = to_ns(context.received);
     place.deadline_ns = to_ns(context.deadline);
-    pthread_getname_np(pthread_self(), place.thread_name.data(), place.thread_name.size());
+    name_of_this_thread().copy(place.thread_name.data(), place.thread_name.size() - 1);
     return place;
   }
 

@@ -16,6 +16,7 @@
 #include "rtpm/test/raw_peer.hpp"
 #include "rtpm/test/sealed_files.hpp"
 #include "rtpm/test/text.hpp"
+#include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/tcp.hpp"
 
 /// A server with the echo servant, and nodes and bindings for it.
@@ -132,6 +133,12 @@ struct EchoServer {
   std::unique_ptr<Server> server;
   mutable std::unique_ptr<rtpm::test::FaultyRelay> relay;
 };
+
+/// The transports between programs of this host that the system offers.
+[[nodiscard]] inline std::vector<Transport> transports_of_host() {
+  if (!transport::offers_shared_memory()) return {Transport::kUdp, Transport::kTcp};
+  return {Transport::kUdp, Transport::kTcp, Transport::kSharedMemory};
+}
 
 [[nodiscard]] inline NodeConfig quiet_node(Transport transport = Transport::kUdp) {
   NodeConfig config;

@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "rtpm/test/sockets.hpp"
 #include "rtpm/transport/socket.hpp"
 
 namespace rtpm::test {
@@ -76,7 +77,7 @@ class FaultyRelay {
     return address;
   }
   static transport::Descriptor open_socket() {
-    return transport::Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+    return transport::Descriptor(test::open_socket(AF_INET, SOCK_DGRAM));
   }
 
   void run() {

@@ -3,15 +3,18 @@
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <array>
+#include <atomic>
+#include <chrono>
 #include <functional>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/test/sockets.hpp"
+#include "rtpm/transport/socket.hpp"
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/sealed.hpp"
 
@@ -22,41 +25,44 @@ class HelloResponder {
  public:
   using Bytes = std::vector<std::byte>;
   explicit HelloResponder(std::function<Bytes(ConstBytes hello)> answer) {
-    socket_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     sockaddr_in own{};
     own.sin_family = AF_INET;
     own.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     socklen_t size = sizeof own;
-    EXPECT_EQ(::bind(socket_, reinterpret_cast<sockaddr*>(&own), size), 0);
-    EXPECT_EQ(::getsockname(socket_, reinterpret_cast<sockaddr*>(&own), &size), 0);
+    EXPECT_EQ(::bind(socket_.number(), reinterpret_cast<sockaddr*>(&own), size), 0);
+    EXPECT_EQ(::getsockname(socket_.number(), reinterpret_cast<sockaddr*>(&own), &size), 0);
     port_ = ntohs(own.sin_port);
     thread_ = std::thread([this, answer = std::move(answer)] { serve(answer); });
   }
   HelloResponder(const HelloResponder&) = delete;
   HelloResponder& operator=(const HelloResponder&) = delete;
   ~HelloResponder() {
-    ::shutdown(socket_, SHUT_RDWR);
+    is_over_ = true;
     thread_.join();
-    ::close(socket_);
   }
   [[nodiscard]] std::uint16_t port() const { return port_; }
 
  private:
   void serve(const std::function<Bytes(ConstBytes)>& answer) const {
-    while (true) {
+    while (!is_over_) {
       std::array<std::byte, 2048> buffer;
       sockaddr_in from{};
       socklen_t size = sizeof from;
-      const ssize_t count = ::recvfrom(socket_, buffer.data(), buffer.size(), 0,
-                                       reinterpret_cast<sockaddr*>(&from), &size);
-      if (count <= 0) return;
+      if (!transport::wait_readable(socket_.number(), rt::now() + std::chrono::milliseconds{5})) {
+        continue;
+      }
+      const std::ptrdiff_t count = ::recvfrom(socket_.number(), buffer.data(), buffer.size(), 0,
+                                              reinterpret_cast<sockaddr*>(&from), &size);
+      if (count <= 0) continue;
       const Bytes reply = answer(ConstBytes(buffer).first(static_cast<std::size_t>(count)));
       if (reply.empty()) continue;
-      ::sendto(socket_, reply.data(), reply.size(), 0, reinterpret_cast<sockaddr*>(&from), size);
+      ::sendto(socket_.number(), reply.data(), reply.size(), 0, reinterpret_cast<sockaddr*>(&from),
+               size);
     }
   }
 
-  int socket_ = -1;
+  transport::Descriptor socket_{open_socket(AF_INET, SOCK_DGRAM)};
+  std::atomic<bool> is_over_ = false;
   std::uint16_t port_ = 0;
   std::thread thread_;
 };

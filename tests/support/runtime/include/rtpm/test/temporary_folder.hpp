@@ -34,7 +34,7 @@ class TemporaryFolder {
   /// Replaces the former file as a whole; returns its path.
   std::string write(const std::string& name, const std::string& text) const {
     const std::string whole = file(name);
-    std::ofstream(whole + ".new") << text;
+    std::ofstream(whole + ".new", std::ios::binary) << text;
     std::filesystem::rename(whole + ".new", whole);
     return whole;
   }

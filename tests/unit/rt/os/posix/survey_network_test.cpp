@@ -87,6 +87,17 @@ TEST_F(Multicast, ReportsARefusedUnsentOrLostTrial) {
   expect_finding(Severity::kNote, "did not come back", "nft list ruleset");
 }
 
+TEST_F(Multicast, IsJudgedByItsTrialAloneWithoutAListOfInterfaces) {
+  facts_.interfaces.clear();
+  facts_.route = "";
+  expect_finding(Severity::kGood, "comes back", "");
+  facts_.trial = MulticastTrial::kNotReceived;
+  expect_finding(Severity::kNote, "did not come back", "firewall");
+  facts_.trial = MulticastTrial::kRefused;
+  facts_.reason = "there is no network";
+  expect_finding(Severity::kNote, "there is no network", "firewall");
+}
+
 TEST(PortHolders, AreFoundInTheSystemsTables) {
   const FakeHost host;
   const std::string head = "  sl  local_address rem_address   st ...\n";

@@ -1,0 +1,17 @@
+#pragma once
+
+#include <string>
+
+/// Commands about the program that listens at a port.
+namespace rtpm::rt::os {
+
+/// Ends the program.
+[[nodiscard]] inline std::string end_of_process(int process_id) {
+  return "kill " + std::to_string(process_id);
+}
+/// Shows the program to an administrator.
+[[nodiscard]] inline std::string search_for_holder(const std::string& port) {
+  return "sudo ss -lnptu 'sport = :" + port + "'";
+}
+
+}  // namespace rtpm::rt::os
