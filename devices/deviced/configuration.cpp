@@ -1,12 +1,12 @@
 #include "configuration.hpp"
 
 #include <algorithm>
-#include <cstdlib>
 #include <vector>
 
 #include "drivers.hpp"
 #include "flight_format.hpp"
 #include "rtpm/names/defaults.hpp"
+#include "rtpm/program/state_folder.hpp"
 #include "rtpm/rt/log.hpp"
 
 namespace rtpm::deviced {
@@ -128,30 +128,21 @@ void add_service(options::Options& options, Configuration& configuration) {
            "From which priority on a call may take the right to command over");
 }
 
-/// The default of --stops; empty if the environment names no folder.
-std::string default_stops_folder() {
-  const auto variable = [](const char* name) -> std::string {
-    const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe): set-up.
-    return value == nullptr ? "" : value;
-  };
-  const std::string state = variable("XDG_STATE_HOME");
-  if (!state.empty()) return state + "/rtpm/stops";
-  const std::string home = variable("HOME");
-  return home.empty() ? "" : home + "/.local/state/rtpm/stops";
-}
-
 void find_stops_folder(Configuration& configuration) {
   if (configuration.stops_folder == kNoStops) {
     configuration.stops_folder.clear();
     return;
   }
   if (!configuration.stops_folder.empty()) return;
-  configuration.stops_folder = default_stops_folder();
-  if (!configuration.stops_folder.empty()) return;
-  rt::print_error("rtpm-deviced", SetupError{.what = "emergency stops end with this program",
-                                             .why = "neither XDG_STATE_HOME nor HOME is set",
-                                             .remedy = "name the folder that keeps them, --stops"}
-                                      .text());
+  if (const std::string folder = program::state_folder(); !folder.empty()) {
+    configuration.stops_folder = folder + "/stops";
+    return;
+  }
+  rt::print_error("rtpm-deviced",
+                  SetupError{.what = "emergency stops end with this program",
+                             .why = "the environment names no folder for the user's files",
+                             .remedy = "name the folder that keeps them, --stops"}
+                      .text());
 }
 
 /// The lowest priority in the most urgent lane.

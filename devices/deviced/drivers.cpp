@@ -3,15 +3,12 @@
 #include <algorithm>
 #include <array>
 
-#include "rtpm/device_mpv/mpv_driver.hpp"
-#include "rtpm/device_mpv/settings.hpp"
 #include "rtpm/device_sim/biometric_driver.hpp"
 #include "rtpm/device_sim/gaze_driver.hpp"
 #include "rtpm/device_sim/knob_driver.hpp"
 #include "rtpm/device_sim/player_driver.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "rtpm/device_sim/stimulus_driver.hpp"
-#include "rtpm/device_vrpn/vrpn_driver.hpp"
 #include "rtpm/driver_host/plugin.hpp"
 
 /// Initializes `make` and `probe` of a DriverInfo for a driver whose namespace has open() and
@@ -20,7 +17,8 @@
   [](const DeviceSettings& device) -> Made { return part::open(device.arguments, device.name); }, \
       [] { return part::probe(); }
 
-// A driver whose library was not found is not built, so its header is not included.
+// A driver whose library was not found, or that this system does not have, is not built, so its header
+// is not included.
 #if __has_include("rtpm/device_evdev/open.hpp")
 #include "rtpm/device_evdev/open.hpp"
 #define RTPM_EVDEV RTPM_HARDWARE(device_evdev)
@@ -44,6 +42,19 @@
 #define RTPM_SERIAL RTPM_HARDWARE(device_serial)
 #else
 #define RTPM_SERIAL nullptr, nullptr
+#endif
+#if __has_include("rtpm/device_mpv/mpv_driver.hpp")
+#include "rtpm/device_mpv/mpv_driver.hpp"
+#include "rtpm/device_mpv/settings.hpp"
+#define RTPM_MPV &make_mpv
+#else
+#define RTPM_MPV nullptr
+#endif
+#if __has_include("rtpm/device_vrpn/vrpn_driver.hpp")
+#include "rtpm/device_vrpn/vrpn_driver.hpp"
+#define RTPM_VRPN &make_vrpn
+#else
+#define RTPM_VRPN nullptr
 #endif
 
 namespace rtpm::deviced {
@@ -81,6 +92,7 @@ Made make_twin(const DeviceSettings& device) {
   return std::unique_ptr<driver::Driver>(std::make_unique<Driver>(twin_of(device)));
 }
 
+#if __has_include("rtpm/device_mpv/mpv_driver.hpp")
 Made make_mpv(const DeviceSettings& device) {
   const auto settings = device_mpv::read_settings(device.arguments);
   if (!settings) return unexpected{settings.error()};
@@ -88,7 +100,9 @@ Made make_mpv(const DeviceSettings& device) {
   return std::unique_ptr<driver::Driver>(std::make_unique<device_mpv::MpvDriver>(
       device_mpv::open_mpv(*settings), serial, device.name + "/base"));
 }
+#endif
 
+#if __has_include("rtpm/device_vrpn/vrpn_driver.hpp")
 Made make_vrpn(const DeviceSettings& device) {
   auto settings = device_vrpn::read_settings(device.arguments);
   if (!settings) return unexpected{settings.error()};
@@ -99,6 +113,7 @@ Made make_vrpn(const DeviceSettings& device) {
   return std::unique_ptr<driver::Driver>(std::make_unique<device_vrpn::VrpnDriver>(
       std::move(*settings), std::move(serial), device.name + "/base"));
 }
+#endif
 
 constexpr std::array kDrivers{
     DriverInfo{"arm", "simulated: a haptic arm in a hand", &make_arm, nullptr, ""},
@@ -112,8 +127,8 @@ constexpr std::array kDrivers{
                ""},
     DriverInfo{"stimulus", "simulated: a lamp, a loudspeaker and a hammer, with their sensors",
                &make_twin<device_sim::StimulusDriver>, nullptr, ""},
-    DriverInfo{"mpv", "the media player mpv", &make_mpv, nullptr, ""},
-    DriverInfo{"vrpn", "a tracker of a VRPN server", &make_vrpn, nullptr, ""},
+    DriverInfo{"mpv", "the media player mpv", RTPM_MPV, nullptr, ""},
+    DriverInfo{"vrpn", "a tracker of a VRPN server", RTPM_VRPN, nullptr, ""},
     DriverInfo{"evdev", "input devices of Linux, with force feedback", RTPM_EVDEV, "libevdev-dev"},
     DriverInfo{"falcon", "Novint Falcon", RTPM_FALCON, "libusb-1.0-0-dev"},
     DriverInfo{"hid", "3Dconnexion SpaceMouse, game pads, DualShock 4, DualSense, OpenFFBoard",
@@ -144,7 +159,8 @@ bool is_driver(std::string_view name) {
 }
 
 Made make_driver(const DeviceSettings& device, std::string_view name) {
-  if (device.driver.find('/') != std::string::npos || device.driver.ends_with(".so")) {
+  if (device.driver.find_first_of("/\\") != std::string::npos || device.driver.ends_with(".so") ||
+      device.driver.ends_with(".dll")) {
     return driver_host::load_plugin(device.driver, device.arguments, name);
   }
   const DriverInfo* const info = find(device.driver);
@@ -153,9 +169,11 @@ Made make_driver(const DeviceSettings& device, std::string_view name) {
                        "name one of " + driver_names() + ", or the file of a plug-in");
   }
   if (info->make == nullptr) {
+    const std::string what = "this build has no driver '" + device.driver + "'";
+    if (*info->package == '\0') return setup_error(what, "RTPM has it on Linux only");
     return setup_error(
-        "this build has no driver '" + device.driver + "'", "its library was not found",
-        std::string("install the Debian package ") + info->package + " and build again");
+        what, "its library was not found, or RTPM does not use it on this system",
+        std::string("on Linux, install the Debian package ") + info->package + " and build again");
   }
   return info->make(device);
 }

@@ -1,6 +1,7 @@
 #include "inventory.hpp"
 
 #include <algorithm>
+#include <filesystem>
 #include <iterator>
 #include <map>
 #include <set>
@@ -18,12 +19,24 @@ std::string padded(std::string_view text) {
   return cell;
 }
 
-/// Puts the text in single quotes, so that a shell reads it as one word.
-std::string quoted(std::string_view text) {
-  std::string word = "'";
+/// Puts the text in quotes, so that a shell reads it as one word: those of Windows know double ones.
+std::string as_one_word(std::string_view text) {
+  constexpr bool kIsWindows = std::filesystem::path::preferred_separator == '\\';
+  const char quote = kIsWindows ? '"' : '\'';
+  const std::string within = kIsWindows ? "\"\"" : "'\\''";
+  std::string word(1, quote);
   for (const char letter : text)
-    word += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
-  return word + "'";
+    word += letter == quote ? within : std::string(1, letter);
+  return word + quote;
+}
+
+/// The names of the drivers that look for devices: "evdev, hid".
+std::string looking(std::span<const DriverInfo> drivers) {
+  std::string names;
+  for (const DriverInfo& info : drivers) {
+    if (info.probe != nullptr) names += (names.empty() ? "" : ", ") + std::string(info.name);
+  }
+  return names;
 }
 
 /// @param name  an unused name for this device: "falcon0"
@@ -35,7 +48,7 @@ std::string paragraph(const device_io::FoundDevice& device, const std::string& n
   if (!device.refusal.empty())
     return text + indent + "not served: " + printable(device.refusal) + "\n";
   text += indent + "rtpm-deviced --devices " + name + " --device-" + name + "-arguments " +
-          printable(quoted(device.arguments)) + "\n";
+          printable(as_one_word(device.arguments)) + "\n";
   if (!device.left_out.empty()) {
     text += indent + "left out: " + printable(device.left_out) + "\n";
   }
@@ -51,7 +64,9 @@ std::string list_text(std::span<const DriverInfo> drivers) {
   std::string text;
   for (const DriverInfo& info : drivers) {
     text += padded(info.name) + info.devices;
-    if (info.make == nullptr) {
+    if (info.make == nullptr && *info.package == '\0') {
+      text += " (on Linux only)";
+    } else if (info.make == nullptr) {
       text += std::string(" (not in this build; it needs the Debian package ") + info.package + ")";
     }
     text += '\n';
@@ -67,9 +82,13 @@ std::vector<device_io::FoundDevice> probe(std::span<const DriverInfo> drivers) {
   return devices;
 }
 
-std::string probe_text(const std::vector<device_io::FoundDevice>& devices) {
+std::string probe_text(const std::vector<device_io::FoundDevice>& devices,
+                       std::span<const DriverInfo> drivers) {
   if (devices.empty()) {
-    return "no device that a driver takes is plugged in; --list-drivers lists the drivers\n";
+    const std::string names = looking(drivers);
+    return (names.empty() ? "no driver of this build looks for devices"
+                          : "no device is plugged in that one of these drivers takes: " + names) +
+           "; --list-drivers lists all drivers\n";
   }
   std::string text;
   std::map<std::string, int> counts;

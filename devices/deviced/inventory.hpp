@@ -19,6 +19,8 @@ namespace rtpm::deviced {
 
 /// One paragraph per device: its model, how to serve it and which permission is missing; then the
 /// udev rules that grant the permissions. Text from the devices is escaped.
-[[nodiscard]] std::string probe_text(const std::vector<device_io::FoundDevice>& devices);
+/// @param drivers  those that looked for devices, named if there are none
+[[nodiscard]] std::string probe_text(const std::vector<device_io::FoundDevice>& devices,
+                                     std::span<const DriverInfo> drivers);
 
 }  // namespace rtpm::deviced

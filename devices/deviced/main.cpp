@@ -183,7 +183,7 @@ int main(int argc, char** argv) {
   }
   using namespace rtpm::deviced;
   if (configuration.lists_drivers) std::fputs(list_text(drivers()).c_str(), stdout);
-  if (configuration.probes) std::fputs(probe_text(probe(drivers())).c_str(), stdout);
+  if (configuration.probes) std::fputs(probe_text(probe(drivers()), drivers()).c_str(), stdout);
   if (configuration.lists_drivers || configuration.probes) return 0;
   if (!configuration.checked.empty()) {
     return check_plugin(configuration.checked, configuration.checked_arguments);

@@ -124,8 +124,8 @@ TEST_F(OutOfMemoryLaboratory, EndsAClientWithOneSentence) {
       {path_of("rtpm"), "--registry", registry_->url, "info", "lab/arm0"}};
   for (const std::vector<std::string>& command : commands) {
     int failure_count = 0;
-    // As far as the memory suffices.
-    for (std::size_t size = 6 * kMiB; size < 40 * kMiB; size += kMiB / 8) {
+    // From the size that the system takes to begin with a program, as far as the memory suffices.
+    for (std::size_t size = 8 * kMiB; size < 40 * kMiB; size += kMiB / 8) {
       const auto end = test::run(with_memory(size, command), kPatience);
       ASSERT_TRUE(end);
       if (end->exit_code == kNotLoaded) continue;

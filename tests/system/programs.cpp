@@ -3,6 +3,8 @@
 #include <signal.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <filesystem>
 
 namespace rtpm::system_test {
 namespace {
@@ -15,6 +17,10 @@ std::vector<std::string> command_of(std::string_view program, std::vector<std::s
 }  // namespace
 
 std::string path_of(std::string_view program) {
+  if (const char* const others = std::getenv(kOtherSystems); others != nullptr) {
+    const std::string other = std::string(others) + "/" + std::string(program);
+    if (std::filesystem::exists(other)) return other;
+  }
   return std::string(RTPM_PROGRAM_FOLDER) + "/" + std::string(program);
 }
 
@@ -27,9 +33,14 @@ std::optional<Daemon> start_daemon(std::string_view program, std::vector<std::st
                                    const std::vector<std::string>& before) {
   std::vector<std::string> command = command_of(program, std::move(arguments));
   command.insert(command.begin(), before.begin(), before.end());
+  return start_daemon(std::move(command));
+}
+
+std::optional<Daemon> start_daemon(std::vector<std::string> command) {
   test::Process process(command);
   if (!process.wait_for_output("rtpm://", kPatience) || !process.wait_for_output("\n", kPatience)) {
-    ADD_FAILURE() << program << " does not serve: " << process.output() << process.errors();
+    ADD_FAILURE() << testing::PrintToString(command) << " does not serve: " << process.output()
+                  << process.errors();
     return std::nullopt;
   }
   const std::string& output = process.output();

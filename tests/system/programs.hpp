@@ -20,6 +20,10 @@ using test::expect_text;
 /// Long enough for a machine that is busy with other tests; no wait lasts that long if all is well.
 inline constexpr Duration kPatience = std::chrono::seconds{30};
 
+/// A variable with the folder of programs for other systems that take the place of this one's, as
+/// `./dev figure3` makes it.
+inline constexpr const char* kOtherSystems = "RTPM_FIGURE3";
+
 [[nodiscard]] std::string path_of(std::string_view program);
 
 /// A program that has announced its address.
@@ -34,6 +38,9 @@ struct Daemon {
 [[nodiscard]] std::optional<Daemon> start_daemon(std::string_view program,
                                                  std::vector<std::string> arguments,
                                                  const std::vector<std::string>& before = {});
+
+/// As above, by a whole command.
+[[nodiscard]] std::optional<Daemon> start_daemon(std::vector<std::string> command);
 
 /// Runs `program` to its end; the test fails if it does not end.
 [[nodiscard]] test::Process::End run_program(std::string_view program,

@@ -1,16 +1,13 @@
 #include "cli/completion.hpp"
 
-#include <sys/time.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <csignal>
 #include <cstdio>
 #include <vector>
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "objects/live_words.hpp"
+#include "os/system.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -31,14 +28,6 @@ constexpr const char* kTargetSteps =
     "      *\" -\"*) ;;\n"
     "      *) [[ -n $command && -z $target ]] && target=$word ;;\n";
 
-/// Ends this program after `time`, so that a shell never waits for longer.
-void end_after(Duration time) {
-  std::signal(SIGALRM, [](int) { ::_exit(kNotReached); });
-  const auto us = std::max<std::int64_t>(1, time.count() / 1000);
-  const itimerval timer{.it_interval = {}, .it_value = {us / 1'000'000, us % 1'000'000}};
-  static_cast<void>(::setitimer(ITIMER_REAL, &timer, nullptr));
-}
-
 struct CompletionRequest {
   std::string shell{};
   std::string command{};
@@ -46,7 +35,8 @@ struct CompletionRequest {
 };
 
 int print_words(Context& context, const CompletionRequest& request) {
-  end_after(context.deadline.value_or(std::chrono::milliseconds{300}));
+  // A shell never waits for longer.
+  os::end_after(context.deadline.value_or(std::chrono::milliseconds{300}), kNotReached);
   const auto words = live_words(context, request.command, request.target);
   if (!words) return context.not_reached(words.error());
   if (context.json) {

@@ -1,11 +1,10 @@
 #include "cli/output.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 
+#include "os/system.hpp"
 #include "rtpm/program/terminal.hpp"
 
 namespace rtpm::tool {
@@ -39,10 +38,10 @@ void print_line(std::string_view text) {
 }
 
 bool is_terminal() {
-  return ::isatty(STDOUT_FILENO) == 1;
+  return os::is_terminal(os::Stream::kOutput);
 }
 bool is_error_terminal() {
-  return ::isatty(STDERR_FILENO) == 1;
+  return os::is_terminal(os::Stream::kError);
 }
 
 std::size_t terminal_width() {

@@ -1,23 +1,15 @@
 #include "cli/progress.hpp"
 
-#include <unistd.h>
-
-#include <string_view>
 #include <utility>
 
 #include "cli/output.hpp"
+#include "os/system.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::tool {
 namespace {
 
 constexpr int kWidth = 40;
-
-void put(std::string_view text) {
-  // Writes to standard error, which is unbuffered. If the bar can't be shown, that is not a
-  // failure.
-  static_cast<void>(!::write(STDERR_FILENO, text.data(), text.size()));
-}
 
 }  // namespace
 
@@ -27,7 +19,7 @@ ProgressBar::ProgressBar(Context& context, std::string what)
 }
 
 ProgressBar::~ProgressBar() {
-  if (is_shown_) put("\r\x1b[K");
+  if (is_shown_) os::write_error("\r\x1b[K");
 }
 
 bool ProgressBar::show(std::uint64_t done, std::uint64_t whole) {
@@ -38,8 +30,8 @@ bool ProgressBar::show(std::uint64_t done, std::uint64_t whole) {
           : static_cast<int>(100.0 * static_cast<double>(done) / static_cast<double>(whole));
   if (is_shown_ && std::exchange(percent_, percent) != percent) {
     const auto full = static_cast<std::size_t>(kWidth * percent / 100);
-    put("\r" + what_ + " [" + std::string(full, '#') + std::string(kWidth - full, ' ') + "] " +
-        std::to_string(percent) + " %");
+    os::write_error("\r" + what_ + " [" + std::string(full, '#') + std::string(kWidth - full, ' ') +
+                    "] " + std::to_string(percent) + " %");
   }
   return !context_.stop().is_requested();
 }
@@ -47,11 +39,11 @@ bool ProgressBar::show(std::uint64_t done, std::uint64_t whole) {
 StatusLine::StatusLine(const Context& context) : is_shown_(is_error_terminal() && !context.json) {}
 
 StatusLine::~StatusLine() {
-  if (is_shown_) put("\r\x1b[K");
+  if (is_shown_) os::write_error("\r\x1b[K");
 }
 
 void StatusLine::show(const std::string& text) {
-  if (is_shown_) put("\r\x1b[K" + text);
+  if (is_shown_) os::write_error("\r\x1b[K" + text);
 }
 
 WaitLine::WaitLine(const Context& context, std::string what, Duration after)
@@ -80,11 +72,11 @@ void WaitLine::run() {
   Duration pause = after_;
   while (!changed_.wait_for(lock, pause, [this] { return is_over_; })) {
     const auto s = std::chrono::duration_cast<std::chrono::seconds>(rt::now() - begin).count();
-    put("\r\x1b[K" + what_ + ", " + std::to_string(s) + " s; Ctrl-C ends it");
+    os::write_error("\r\x1b[K" + what_ + ", " + std::to_string(s) + " s; Ctrl-C ends it");
     is_shown = true;
     pause = std::chrono::seconds{1};
   }
-  if (is_shown) put("\r\x1b[K");
+  if (is_shown) os::write_error("\r\x1b[K");
 }
 
 }  // namespace rtpm::tool

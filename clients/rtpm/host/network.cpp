@@ -92,7 +92,7 @@ rt::Finding survey_addresses() {
   finding.severity = rt::Severity::kNote;
   finding.text = "this host has no address but its loopback ones";
   finding.cost = "programs of other hosts do not reach its servers";
-  finding.remedy = "give it a network, if they shall (ip address)";
+  finding.remedy = "give it a network, if they shall";
   return finding;
 }
 

@@ -1,7 +1,5 @@
 #include "host/wake_up.hpp"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -19,18 +17,11 @@ constexpr Duration kWakeUpPeriod = std::chrono::milliseconds{1};
 /// cycle.
 constexpr Duration kLateGood = kWakeUpPeriod / 4;
 
-void sleep_until(MonotonicTime when) {
-  const std::int64_t ns = to_ns(when);
-  const timespec time{.tv_sec = ns / 1'000'000'000, .tv_nsec = ns % 1'000'000'000};
-  while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr) == EINTR) {
-  }
-}
-
 void measure(Duration time, const program::StopSignal& stop, LatencyHistogram& lateness) {
   MonotonicTime next = rt::now() + kWakeUpPeriod;
   for (const MonotonicTime end = rt::now() + time; next < end && !stop.is_requested();
        next = std::max(next + kWakeUpPeriod, rt::now())) {
-    sleep_until(next);
+    rt::sleep_until(next);
     lateness.record(rt::now() - next);
   }
 }

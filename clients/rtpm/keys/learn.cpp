@@ -1,5 +1,3 @@
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <memory>
@@ -9,6 +7,7 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "keys/parts.hpp"
+#include "os/system.hpp"
 #include "rtpm/access/file_change.hpp"
 #include "rtpm/access/files.hpp"
 #include "rtpm/access/fingerprint.hpp"
@@ -185,7 +184,7 @@ expected<void, SetupError> confirm(Context& context, const LearnRequest& request
                        "its fingerprint is " + fingerprint, kHowToCompare);
   }
   if (request.is_sure) return {};
-  if (context.json || ::isatty(STDIN_FILENO) != 1)
+  if (context.json || !os::is_terminal(os::Stream::kInput))
     return setup_error("the key of " + printable(request.target) + " was not learned",
                        "its fingerprint is " + fingerprint + ", and nobody can be asked here",
                        std::string(kHowToCompare) + ", then give --fingerprint " + fingerprint +

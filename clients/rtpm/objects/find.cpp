@@ -1,11 +1,10 @@
-#include <fnmatch.h>
-
 #include <algorithm>
 #include <string>
 #include <vector>
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
+#include "cli/pattern.hpp"
 #include "cli/progress.hpp"
 #include "objects/commands.hpp"
 #include "objects/entries.hpp"
@@ -26,7 +25,7 @@ struct FindOptions {
 };
 
 bool fits(const std::string& pattern, const std::string& text) {
-  return ::fnmatch(pattern.c_str(), text.c_str(), 0) == 0;
+  return matches(pattern, text);
 }
 
 constexpr const char* kAsking = "asking for names";

@@ -7,9 +7,9 @@
 #include "cli/output.hpp"
 #include "objects/commands.hpp"
 #include "rtpm/base/printable.hpp"
-#include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/program/text.hpp"
+#include "rtpm/rpc/binding.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/clock_sync.hpp"
 
@@ -101,12 +101,14 @@ int ping(Context& context, const PingRequest& request) {
   const program::StopSignal& stop = context.stop();
   const auto url = names::url_of(context.node(), context.registry, request.target);
   if (!url) return context.not_reached(url.error());
-  const auto object = dynamic::RemoteObject::open(context.node(), *url);
+  // Any object: a ping is the session's own (hp-6.2), and needs nothing of the server's catalog.
+  static const rpc::InterfaceDescriptor kAnyInterface{};
+  auto object = rpc::Binding::bind(context.node(), *url, kAnyInterface);
   if (!object) return context.not_reached(object.error());
   Trips trips;
   for (std::uint64_t number = 1;; ++number) {
     const MonotonicTime begin = rt::now();
-    const auto clock = (*object)->binding().ping(context.call_options());
+    const auto clock = object->ping(context.call_options());
     const Duration time = rt::now() - begin;
     if (clock) {
       trips.times.push_back(time);

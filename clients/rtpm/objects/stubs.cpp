@@ -1,4 +1,3 @@
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -8,6 +7,7 @@
 #include "objects/commands.hpp"
 #include "objects/unbound.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/base/utf8_path.hpp"
 #include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/schema/back_end.hpp"
@@ -36,7 +36,8 @@ int stubs(Context& context, const std::string& target, const std::string& folder
   }
   std::vector<schema::OutputFile> files;
   for (schema::GeneratedFile& file : python->generate(model))
-    files.push_back({(std::filesystem::path(folder) / file.name).string(), std::move(file.text)});
+    files.push_back(
+        {utf8_of(path_of_utf8(folder) / path_of_utf8(file.name)), std::move(file.text)});
   if (const auto error = schema::write_all(files)) return context.fail(*error);
   Json paths = Json::array();
   for (const schema::OutputFile& file : files) {

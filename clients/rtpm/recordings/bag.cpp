@@ -13,6 +13,7 @@
 #include "cli/table.hpp"
 #include "devices/parameters.hpp"
 #include "recordings/commands.hpp"
+#include "rtpm/base/civil_time.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/capture/cut.hpp"
 #include "rtpm/capture/parameters.hpp"
@@ -44,9 +45,7 @@ double seconds_of(std::uint64_t ns) {
 
 /// A UTC time in the format of RFC 3339: "2026-11-24T08:15:30.250Z".
 std::string time_text(std::uint64_t ns) {
-  const auto whole_s = static_cast<std::time_t>(ns / 1'000'000'000);
-  std::tm utc{};
-  ::gmtime_r(&whole_s, &utc);
+  const std::tm utc = civil_utc(ns);
   return formatted("%04d-%02d-%02dT%02d:%02d:%02d.%03dZ", utc.tm_year + 1900, utc.tm_mon + 1,
                    utc.tm_mday, utc.tm_hour, utc.tm_min, utc.tm_sec,
                    static_cast<int>(ns / 1'000'000 % 1000));

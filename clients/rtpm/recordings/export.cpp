@@ -1,7 +1,4 @@
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <initializer_list>
 #include <memory>
@@ -12,6 +9,7 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "cli/progress.hpp"
+#include "os/system.hpp"
 #include "recordings/commands.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/exports/bids.hpp"
@@ -63,16 +61,9 @@ sys.exit(parquet.main(sys.argv[1:]))
 
 /// Becomes Python's converter, which reports for itself.
 int become_python(const Context& context, std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), {"python3", "-c", kParquetProgram});
+  arguments.insert(arguments.begin(), {"-c", kParquetProgram});
   if (context.json) arguments.emplace_back("--json");
-  std::vector<char*> texts;
-  for (std::string& argument : arguments)
-    texts.push_back(argument.data());
-  texts.push_back(nullptr);
-  ::execvp("python3", texts.data());
-  return context.fail(SetupError{.what = "Parquet files are written by python3, which can't be run",
-                                 .why = system_error(errno).message(),
-                                 .remedy = "install Python, then: pip install 'rtpm[parquet]'"});
+  return context.fail(os::become_python(std::move(arguments)));
 }
 
 int report(const Context& context, const ExportRequest& request, const exports::Report& done) {

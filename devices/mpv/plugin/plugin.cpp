@@ -122,6 +122,6 @@ int run(mpv_handle* handle) {
 }  // namespace rtpm::mpv_plugin
 
 /// @source   mpv's manual, "C plugins"
-extern "C" __attribute__((visibility("default"))) int mpv_open_cplugin(mpv_handle* handle) {
+extern "C" [[gnu::visibility("default")]] int mpv_open_cplugin(mpv_handle* handle) {
   return rtpm::mpv_plugin::run(handle);
 }

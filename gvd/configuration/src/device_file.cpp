@@ -1,6 +1,6 @@
 #include "rtpm/configuration/device_file.hpp"
 
-#include <filesystem>
+#include "rtpm/base/utf8_path.hpp"
 
 namespace rtpm::gvd {
 namespace {
@@ -27,7 +27,7 @@ std::string file_part(std::string_view text) {
 std::string device_file(const std::string& folder, std::string_view model, std::string_view serial,
                         std::string_view ending) {
   const std::string name = file_part(model) + "@" + file_part(serial) + std::string(ending);
-  return (std::filesystem::path(folder) / name).string();
+  return utf8_of(path_of_utf8(folder) / name);
 }
 
 }  // namespace rtpm::gvd

@@ -1,9 +1,7 @@
 #include "rtpm/driver_host/plugin.hpp"
 
-#include <dlfcn.h>
-
 #include "guarded.hpp"
-#include "library.hpp"
+#include "os/library.hpp"
 #include "plugin_driver.hpp"
 #include "rtpm/driver/plugin.hpp"
 
@@ -82,15 +80,13 @@ expected<std::unique_ptr<Driver>, SetupError> load_plugin(const std::string& fil
   std::string note = "the plug-in " + file;
   if (!device.empty()) note += " of " + std::string(device);
   const rt::CrashNote crash_note(note.c_str());
-  // dlopen() would search for a bare name among the system's libraries.
-  const std::string path = file.find('/') == std::string::npos ? "./" + file : file;
-  void* const handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
-  if (handle == nullptr) {
-    return setup_error("the plug-in " + file + " can't be loaded", dlerror(),
+  auto loaded = Library::load(file);
+  if (!loaded) {
+    return setup_error("the plug-in " + file + " can't be loaded", std::move(loaded.error()),
                        "name the file of a shared library that is built for this machine and "
                        "linked with all that it uses");
   }
-  auto library = std::make_shared<Library>(handle, file);
+  std::shared_ptr<Library> library = std::move(*loaded);
   const auto* const plugin = static_cast<const Plugin*>(library->symbol(driver::kPluginSymbol));
   if (auto checked = check(file, plugin); !checked) return unexpected{checked.error()};
   library->name_code_around(plugin);

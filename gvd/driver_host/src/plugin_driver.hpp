@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "facts.hpp"
-#include "library.hpp"
+#include "os/library.hpp"
 #include "rtpm/driver/driver.hpp"
 #include "rtpm/rt/crash.hpp"
 

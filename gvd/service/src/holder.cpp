@@ -14,6 +14,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rpc/caller.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
 
 namespace rtpm::gvd {
@@ -38,7 +39,7 @@ std::string program_of(std::string_view command_line) {
     arguments.push_back(command_line.substr(0, end));
     command_line.remove_prefix(std::min(end + 1, command_line.size()));
   }
-  if (arguments.empty()) return "a program";
+  if (arguments.empty()) return rt::program_name();
   const std::string program = file_name_of(arguments[0]);
   if (!program.starts_with("python") || arguments.size() < 2) return program;
   if (arguments[1] == "-m" && arguments.size() > 2) return std::string(arguments[2]);
@@ -61,9 +62,8 @@ void introduce_by(device::LeaseHolderClient& stub, std::uint64_t lease, std::str
 }  // namespace
 
 std::string own_holder_name() {
-  std::string host = content_of("/proc/sys/kernel/hostname");
-  while (host.ends_with('\n'))
-    host.pop_back();
+  const std::string host = rt::host_name();
+  // Not the program's name alone: it is Python's where a script runs.
   const std::string program = program_of(content_of("/proc/self/cmdline"));
   return printable(host.empty() ? program : program + " on " + host, kHolderNameSizeMax);
 }

@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <mutex>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "programs.hpp"
@@ -15,7 +17,9 @@
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/test/free_port.hpp"
 #include "rtpm/test/os.hpp"
+#include "rtpm/test/temporary_folder.hpp"
 #include "touch_event.hpp"
 
 /// The paper's §3.1 as three processes: the device's, the force loop, the graphics.
@@ -81,20 +85,41 @@ class Observer final : public gvd::SampleSink {
   std::optional<gvd::DeviceConsumer> consumer_{};
 };
 
+/// Why there are no programs of the other systems in the paper's Figure 3; empty if there are, or
+/// none are asked for.
+std::string missing_system() {
+  const char* const folder = std::getenv(kOtherSystems);
+  if (folder == nullptr || std::filesystem::exists(std::string(folder) + "/rtpm-deviced"))
+    return {};
+  return std::string(folder) + " is not there: run ./dev figure3 once";
+}
+
 class ThreeNodes : public WithRegistry {
  protected:
   void SetUp() override {
+    if (const std::string missing = missing_system(); !missing.empty()) GTEST_SKIP() << missing;
     // The hand presses 10 mm deep, and stays.
     std::ofstream(hand_) << "0,0.004,0,0.01\n0.3,0.004,0,-0.01\n600,0.004,0,-0.01\n";
-    WithRegistry::SetUp();
+    prepare();
+    registry_ = start_daemon("rtpm-registryd", with_rights({"--port", "0", "--realtime", "off"}));
+    ASSERT_TRUE(registry_);
+    meet_registry();
     device_ = start_device("0");
     ASSERT_TRUE(device_);
+  }
+  /// Before the registry starts, and behind it.
+  virtual void prepare() {}
+  virtual void meet_registry() {}
+  /// The options of a server, with its file of rights.
+  [[nodiscard]] std::vector<std::string> with_rights(std::vector<std::string> options) const {
+    if (!authorized_.empty()) options.insert(options.end(), {"--authorized", authorized_});
+    return options;
   }
   void TearDown() override { std::filesystem::remove(hand_); }
 
   [[nodiscard]] std::optional<Daemon> start_device(const std::string& port) const {
-    return start_server("rtpm-deviced",
-                        {"--port", port, "--serve-events", "--device-arm0-hand", hand_});
+    return start_server("rtpm-deviced", with_rights({"--port", port, "--serve-events",
+                                                     "--device-arm0-hand", hand_}));
   }
   [[nodiscard]] test::Process start_force(const std::string& scene,
                                           const std::string& seconds) const {
@@ -105,23 +130,31 @@ class ThreeNodes : public WithRegistry {
   [[nodiscard]] test::Process start_graphics() const {
     return test::Process({path_of("rtpm-scene"), "--registry", registry_->url, "--live", "lines"});
   }
-  /// Ends a program in order.
-  static void interrupt(test::Process& process) {
+  /// Ends a program in order. Returns its output.
+  static std::string interrupt(test::Process& process) {
     process.send_signal(SIGINT);
     const auto end = process.wait(kPatience);
-    ASSERT_TRUE(end);
-    EXPECT_EQ(end->exit_code, 0) << end->errors;
+    EXPECT_TRUE(end && end->exit_code == 0) << (end ? end->errors : process.errors());
+    return end ? end->output : std::string();
   }
   static void kill(test::Process& process) {
     process.send_signal(SIGKILL);
     ASSERT_TRUE(process.wait(kPatience));
   }
 
+  std::string authorized_{};
   std::string hand_ = testing::TempDir() + "rtpm_scene_hand.csv";
   std::optional<Daemon> device_{};
 };
 
-class TouchedScene : public ThreeNodes, public testing::WithParamInterface<const char*> {};
+class TouchedScene : public ThreeNodes, public testing::WithParamInterface<const char*> {
+ protected:
+  void SetUp() override {
+    if (std::getenv(kOtherSystems) != nullptr && GetParam() != std::string_view("plane"))
+      GTEST_SKIP() << "one solid shows how the systems meet";
+    ThreeNodes::SetUp();
+  }
+};
 
 INSTANTIATE_TEST_SUITE_P(Of, TouchedScene, testing::Values("plane", "sphere", "texture"),
                          [](const auto& tested) { return std::string(tested.param); });
@@ -148,9 +181,11 @@ TEST_P(TouchedScene, IsDrawnFromAllItsUpdates) {
             5)
       << graphics.output;
   EXPECT_GE(frame_count, 100u);
-  EXPECT_GE(samples_hz, 50);
+  // Wine promises no times.
+  const bool has_pace = std::getenv(kOtherSystems) == nullptr;
+  EXPECT_GE(samples_hz, has_pace ? 50 : 5);
   EXPECT_LE(samples_hz, 65) << "it sets the pace, not the device";
-  EXPECT_GE(touches_hz, 50);
+  EXPECT_GE(touches_hz, has_pace ? 50 : 5);
   EXPECT_GT(contact_count, 0u);
   EXPECT_EQ(on_surface_count, contact_count) << "the proxy enters the solid, or leaves it";
 
@@ -164,7 +199,7 @@ TEST_P(TouchedScene, IsDrawnFromAllItsUpdates) {
   ASSERT_NE(at, std::string::npos) << end->output;
   ASSERT_EQ(std::sscanf(end->output.c_str() + at, "  cycles %lu", &cycle_count), 1);
   // There are 2000 in the 2 s of drawing; the limit is generous, as this machine may be busy.
-  EXPECT_GE(cycle_count, 500u) << end->output;
+  EXPECT_GE(cycle_count, has_pace ? 500u : 50u) << end->output;
 
   std::ifstream file(picture);
   const std::string drawn(std::istreambuf_iterator<char>(file), {});
@@ -224,6 +259,8 @@ TEST_F(ThreeNodes, GraphicsOutliveTheDevice) {
   ASSERT_TRUE(end) << "it goes on without its device";
   expect_one_sentence(*end, 3, {kDevice});
   ASSERT_TRUE(graphics.wait_for_output("device is silent", kPatience)) << graphics.output();
+  // Wine's server closes a dead program's sockets a little later.
+  ASSERT_TRUE(test::await([&] { return test::is_free(device_->port()); }, kPatience));
   device_ = start_device(port);
   ASSERT_TRUE(device_);
   EXPECT_TRUE(test::await(
@@ -236,6 +273,70 @@ TEST_F(ThreeNodes, GraphicsOutliveTheDevice) {
       kPatience))
       << "it does not draw the device that is back: " << graphics.output();
   interrupt(graphics);
+}
+
+/// The nodes with the keys of one user, who may do all.
+class SealedNodes : public ThreeNodes {
+ protected:
+  void SetUp() override {
+    if (std::getenv(kOtherSystems) == nullptr)
+      GTEST_SKIP() << "a user's programs on one system talk through memory, unsealed";
+    ThreeNodes::SetUp();
+    if (IsSkipped() || HasFatalFailure()) return;
+    for (const char* name : {kDevice, "rtpm/events"})
+      expect_success({"key", "learn", name, "--yes", "--registry", registry_->url});
+  }
+  void prepare() override {
+    ::setenv("RTPM_KEYS", keys_.path().c_str(), 1);
+    const auto made = run_program("rtpm", {"key", "new"});
+    const std::size_t key = made.output.find("rtpm25519 ");
+    ASSERT_NE(key, std::string::npos) << made.output << made.errors;
+    const std::string line = made.output.substr(key, made.output.find('\n', key) - key);
+    authorized_ = keys_.file("authorized");
+    expect_success({"key", "authorize", line, "--role", "administer", "--on", "**"});
+  }
+  void meet_registry() override { expect_success({"key", "learn", registry_->url, "--yes"}); }
+  void TearDown() override {
+    ThreeNodes::TearDown();
+    ::unsetenv("RTPM_KEYS");
+  }
+  static void expect_success(const std::vector<std::string>& arguments) {
+    const auto end = run_program("rtpm", arguments);
+    EXPECT_EQ(end.exit_code, 0) << end.output << end.errors;
+  }
+
+  test::TemporaryFolder keys_{};
+};
+
+TEST_F(SealedNodes, TouchTheWall) {
+  test::Process force = start_force("plane", "60");
+  test::Process graphics = start_graphics();
+  ASSERT_TRUE(graphics.wait_for_output("touching", kPatience))
+      << graphics.output() << graphics.errors() << force.errors();
+  const std::string drawn = interrupt(graphics);
+  unsigned long on_surface_count = 0;
+  unsigned long contact_count = 0;
+  const std::size_t proxy = drawn.find("proxy on the surface in");
+  ASSERT_NE(proxy, std::string::npos) << drawn;
+  ASSERT_EQ(std::sscanf(drawn.c_str() + proxy, "proxy on the surface in %lu of %lu contacts",
+                        &on_surface_count, &contact_count),
+            2);
+  EXPECT_GT(contact_count, 0u) << drawn;
+  EXPECT_EQ(on_surface_count, contact_count);
+  interrupt(force);
+  // A caller without the user's key is not served.
+  const auto stranger = test::run({"env", "RTPM_KEYS=" + keys_.file("none"), path_of("rtpm"),
+                                   "info", device_->url, "--deadline", "2s"},
+                                  kPatience);
+  ASSERT_TRUE(stranger);
+  EXPECT_NE(stranger->exit_code, 0) << stranger->output;
+}
+
+// The lease on its name ends with it.
+TEST_F(ThreeNodes, AKilledDevicesNameLapses) {
+  kill(device_->process);
+  EXPECT_TRUE(test::await([&] { return rtpm({"list"}).output.find("LOST") != std::string::npos; },
+                          kPatience));
 }
 
 TEST_F(ThreeNodes, AGraphicsNodeWithoutAHubSaysSo) {

@@ -155,6 +155,17 @@ TEST_F(Ping, PrintsTripsClockAndSummary) {
   EXPECT_GT(summary["time_us"]["min"], 0.0);
 }
 
+// hp-6.2 needs no introspection.
+TEST_F(Ping, NeedsNothingButTheSession) {
+  test::Process server({path_of("rtpm-reference-server"), "--port", "0", "--realtime", "off"});
+  ASSERT_TRUE(server.wait_for_output("/lab/arm0\n", kPatience)) << server.errors();
+  const std::string url = server.output().substr(0, server.output().find('\n'));
+  const auto end = run_program("rtpm", {"ping", url, "--count", "2", "--interval", "1ms"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  expect_text(end.output, {"lab/arm0: 2: ", "2 pings, 0 lost; min "});
+  expect_one_sentence(run_program("rtpm", {"ping", url + "7"}), 3, {"lab/arm0"});
+}
+
 TEST_F(Ping, FailsForADeadServer) {
   expect_one_sentence(run_program("rtpm", {"ping", "rtpm://127.0.0.1:1/x"}), 3, {"no server"});
   expect_one_sentence(run_program("rtpm", {"ping", device_->url, "--interval", "1ns"}), 2,

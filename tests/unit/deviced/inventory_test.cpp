@@ -26,13 +26,14 @@ TEST(DriverList, NamesDriversThatThisBuildLacks) {
       [](const deviced::DeviceSettings&) -> expected<std::unique_ptr<driver::Driver>, SetupError> {
     return setup_error("no");
   };
-  const std::vector<DriverInfo> drivers{
-      {"arm", "simulated: an arm", +make, nullptr, ""},
-      {"falcon", "Novint Falcon", nullptr, nullptr, "libusb-dev"}};
+  const std::vector<DriverInfo> drivers{{"arm", "simulated: an arm", +make, nullptr, ""},
+                                        {"falcon", "Novint Falcon", nullptr, nullptr, "libusb-dev"},
+                                        {"mpv", "mpv", nullptr, nullptr, ""}};
   EXPECT_EQ(deviced::list_text(drivers),
             "arm        simulated: an arm\n"
             "falcon     Novint Falcon (not in this build; it needs the Debian package "
-            "libusb-dev)\n");
+            "libusb-dev)\n"
+            "mpv        mpv (on Linux only)\n");
 }
 
 TEST(Drivers, AreListedOnce) {
@@ -64,10 +65,19 @@ TEST(Probe, AsksEachDriverThatCanProbe) {
 }
 
 TEST(Probe, SaysHowToServeADevice) {
-  EXPECT_EQ(deviced::probe_text({falcon()}),
+  EXPECT_EQ(deviced::probe_text({falcon()}, {}),
             "falcon     Novint Falcon, serial F1, at /dev/bus/usb/001/004\n"
             "           rtpm-deviced --devices falcon0 --device-falcon0-arguments 'serial=F1'\n");
-  EXPECT_NE(deviced::probe_text({}).find("--list-drivers"), std::string::npos);
+}
+
+TEST(Probe, NamesTheDriversThatFoundNothing) {
+  const std::vector<DriverInfo> drivers{{"arm", "", nullptr, nullptr, ""},
+                                        {"evdev", "", nullptr, &find_falcon, ""},
+                                        {"hid", "", nullptr, &find_falcon, ""}};
+  const std::string text = deviced::probe_text({}, drivers);
+  EXPECT_NE(text.find("evdev, hid;"), std::string::npos) << text;
+  EXPECT_NE(text.find("--list-drivers"), std::string::npos);
+  EXPECT_NE(deviced::probe_text({}, {}).find("no driver of this build"), std::string::npos);
 }
 
 TEST(Probe, ListsInputsLeftOutAndDevicesNotServed) {
@@ -76,7 +86,7 @@ TEST(Probe, ListsInputsLeftOutAndDevicesNotServed) {
   FoundDevice other = falcon();
   other.refusal = "its report descriptor is unreadable";
   other.missing_right = "reading and writing /dev/hidraw0";
-  const std::string text = deviced::probe_text({other, pad});
+  const std::string text = deviced::probe_text({other, pad}, {});
   EXPECT_NE(text.find("left out: 3 buttons: a sample holds 16\n"), std::string::npos) << text;
   EXPECT_NE(text.find("not served: its report descriptor is unreadable\n"), std::string::npos);
   EXPECT_EQ(text.find("falcon1"), std::string::npos) << "a refused one has no command";
@@ -86,7 +96,7 @@ TEST(Probe, ListsInputsLeftOutAndDevicesNotServed) {
 TEST(Probe, GivesTheRulesOfMissingRightsOnce) {
   FoundDevice closed = falcon();
   closed.missing_right = "reading and writing /dev/bus/usb/001/004";
-  const std::string text = deviced::probe_text({closed, closed, falcon()});
+  const std::string text = deviced::probe_text({closed, closed, falcon()}, {});
   EXPECT_NE(text.find("missing: reading and writing /dev/bus"), std::string::npos) << text;
   EXPECT_NE(text.find("falcon1"), std::string::npos) << "each has a name of its own";
   EXPECT_NE(text.find("70-rtpm.rules"), std::string::npos);
@@ -97,7 +107,7 @@ TEST(Probe, EscapesTextOfADevice) {
   FoundDevice rude = falcon();
   rude.model = "bad\x1b[31m";
   rude.arguments = "serial=a'b";
-  const std::string text = deviced::probe_text({rude});
+  const std::string text = deviced::probe_text({rude}, {});
   EXPECT_EQ(text.find('\x1b'), std::string::npos);
   EXPECT_NE(text.find(R"('serial=a'\)"), std::string::npos) << text;
 }

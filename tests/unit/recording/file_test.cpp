@@ -1,6 +1,3 @@
-#include <signal.h>
-#include <sys/resource.h>
-
 #include "recorded.hpp"
 
 namespace rtpm::recording {
@@ -119,41 +116,6 @@ TEST_F(Recording, IsNeverOverwritten) {
   EXPECT_NE(writer.error().text().find("name another file"), std::string::npos);
   EXPECT_EQ(content_of(path), "precious");
   EXPECT_FALSE(FileWriter::create("/no such folder/a.mcap"));
-}
-
-/// A limit of the file's size stands in for a full disk; its signal does not end the program.
-TEST_F(Recording, StaysReadableWhenTheDiskIsFull) {
-  const std::string path = folder_.fresh("file");
-  rlimit before{};
-  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
-  const rlimit limit{.rlim_cur = 20'000, .rlim_max = before.rlim_max};
-  expected<void, SetupError> written{};
-  std::uint32_t count = 0;
-  {
-    auto writer =
-        FileWriter::create(path, {.compression = Compression::kNone, .chunk_byte_max = 1000});
-    ASSERT_TRUE(writer);
-    const auto channel = (*writer)->add_channel({.topic = "a", .message_encoding = "json"});
-    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
-    while (written && count < 10'000) {
-      written = (*writer)->write({.channel_id = *channel,
-                                  .sequence = count++,
-                                  .log_time_ns = count,
-                                  .data = bytes_of("{}")});
-    }
-    const auto again = (*writer)->write(Metadata{.name = "later"});
-    EXPECT_FALSE(again) << "no part may follow that lacks the one before";
-    EXPECT_FALSE((*writer)->close());
-  }
-  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
-  ASSERT_FALSE(written);
-  EXPECT_NE(written.error().text().find("make room"), std::string::npos) << written.error().text();
-  EXPECT_FALSE(FileReader::open(path)) << "it was not ended";
-  auto reader = FileReader::open(path, Incomplete::kRead);
-  ASSERT_TRUE(reader) << reader.error().text();
-  const std::size_t read_count = read_all(**reader).size();
-  EXPECT_GT(read_count, 300u);
-  EXPECT_GE(read_count + 40, count) << "at most a chunk is lost";
 }
 
 TEST_F(Recording, RefusesOtherFiles) {

@@ -1,11 +1,11 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -27,8 +27,10 @@ class Folder {
  public:
   Folder() {
     const bool has_memory = std::filesystem::is_directory("/dev/shm");
-    std::string name = (has_memory ? "/dev/shm/" : testing::TempDir()) + "rtpm_recording_XXXXXX";
-    path_ = ::mkdtemp(name.data()) == nullptr ? "" : name;
+    const std::string begin = (has_memory ? "/dev/shm/" : testing::TempDir()) + "rtpm_recording_";
+    do {
+      path_ = begin + std::to_string(std::random_device{}());
+    } while (!std::filesystem::create_directory(path_));
   }
   Folder(const Folder&) = delete;
   Folder& operator=(const Folder&) = delete;

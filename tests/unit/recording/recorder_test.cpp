@@ -1,12 +1,5 @@
 #include "rtpm/recording/recorder.hpp"
 
-#include <signal.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <time.h>
-#include <unistd.h>
-
-#include <random>
 #include <thread>
 
 #include "recorded.hpp"
@@ -107,77 +100,6 @@ TEST_F(RealtimeRecording, CountsDropsAlsoInTheFile) {
   EXPECT_EQ(metadata->back().name, "rtpm.recorder");
   EXPECT_EQ(metadata->back().values.at("dropped." + std::to_string(channel)),
             std::to_string(drop_count));
-}
-
-TEST_F(RealtimeRecording, KeepsItsMessagesAndReportsWhenTheDiskIsFull) {
-  rlimit before{};
-  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
-  const rlimit limit{.rlim_cur = 50'000, .rlim_max = before.rlim_max};
-  RecorderConfig config;
-  config.writer = {.compression = Compression::kNone, .chunk_byte_max = 4000};
-  auto recorder = Recorder::create(path_, config);
-  ASSERT_TRUE(recorder);
-  const std::uint16_t channel = channel_of(**recorder, "a");
-  Recorder::Track& track = (*recorder)->add_track();
-  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
-  const std::vector<std::byte> payload(1000);
-  for (std::uint32_t i = 0; i < 1'000; ++i)
-    static_cast<void>(track.put({.channel_id = channel, .log_time_ns = i, .data = payload}));
-  const auto closed = (*recorder)->close();
-  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
-  ASSERT_FALSE(closed);
-  EXPECT_NE(closed.error().text().find(path_), std::string::npos) << closed.error().text();
-  const RecorderStatus status = (*recorder)->status();
-  ASSERT_TRUE(status.problem);
-  EXPECT_GT(status.drop_count, 900u);
-  auto reader = FileReader::open(path_, Incomplete::kRead);
-  ASSERT_TRUE(reader) << reader.error().text();
-  EXPECT_GT(read_all(**reader).size(), 30u);
-}
-
-/// A child process that records 10 messages each millisecond until it is killed.
-pid_t record_in_child(const std::string& path) {
-  const pid_t child = ::fork();
-  if (child != 0) return child;
-  auto recorder = Recorder::create(path, {.writer = {.chunk_byte_max = 2'000}});
-  if (!recorder) ::_exit(1);
-  const auto channel = (*recorder)->add_channel({.topic = "a", .message_encoding = "json"});
-  Recorder::Track& track = (*recorder)->add_track();
-  for (std::uint32_t i = 0;; ++i) {
-    const std::string text = std::to_string(i);
-    static_cast<void>(track.put(
-        {.channel_id = *channel, .sequence = i, .log_time_ns = i + 1, .data = bytes_of(text)}));
-    if (i % 10 == 9) std::this_thread::sleep_for(1ms);
-  }
-}
-
-TEST_F(RealtimeRecording, RecoversUpToTheLastChunkOfAKilledProgram) {
-  const char* const count = std::getenv("RTPM_KILL_COUNT");
-  const int kill_count = count == nullptr ? 10 : std::atoi(count);
-  std::mt19937 random(27);
-  std::uint64_t recovered_count = 0;
-  for (int round = 0; round < kill_count; ++round) {
-    const std::string path = folder_.fresh("killed");
-    const pid_t child = record_in_child(path);
-    ASSERT_GT(child, 0);
-    std::this_thread::sleep_for(std::chrono::microseconds{20'000 + random() % 80'000});
-    ::kill(child, SIGKILL);
-    int state = 0;
-    ASSERT_EQ(::waitpid(child, &state, 0), child);
-    ASSERT_TRUE(WIFSIGNALED(state)) << "round " << round;
-    const std::string saved = folder_.fresh("saved");
-    const auto recovery = recover(path, saved);
-    ASSERT_TRUE(recovery) << recovery.error().text();
-    EXPECT_EQ(recovery->damaged_chunk_count, 0u) << "round " << round;
-    auto reader = FileReader::open(saved);
-    ASSERT_TRUE(reader) << reader.error().text();
-    const auto messages = read_all(**reader);
-    // There is no gap: only the end is lost.
-    for (std::uint32_t i = 0; i < messages.size(); ++i)
-      ASSERT_EQ(messages[i].sequence, i) << "round " << round;
-    recovered_count += messages.size();
-  }
-  EXPECT_GT(recovered_count, 50u * static_cast<unsigned>(kill_count));
 }
 
 TEST_F(RealtimeRecording, HasTimesThatDoNotGoBack) {

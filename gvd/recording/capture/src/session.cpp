@@ -6,13 +6,14 @@
 #include <ctime>
 #include <device_events.rtpm.events.hpp>
 #include <filesystem>
-#include <fstream>
 #include <trial.rtpm.events.hpp>
 #include <utility>
 
+#include "rtpm/base/civil_time.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/events/hub_types.hpp"
 #include "rtpm/gvd/device_event.hpp"
+#include "rtpm/rt/host.hpp"
 
 namespace rtpm::capture {
 namespace {
@@ -42,9 +43,7 @@ expected<void, SetupError> check_text(const char* name, const std::string& text,
 
 /// Date and time as "20261124" and "091500".
 std::string time_text(std::uint64_t utc_ns, const char* format) {
-  const auto seconds = static_cast<std::time_t>(utc_ns / 1'000'000'000);
-  std::tm parts{};
-  ::gmtime_r(&seconds, &parts);
+  const std::tm parts = civil_utc(utc_ns);
   std::array<char, 32> text{};
   std::strftime(text.data(), text.size(), format, &parts);
   return text.data();
@@ -146,13 +145,9 @@ std::optional<Session> session_of(std::span<const recording::Metadata> metadata)
 }
 
 recording::Metadata versions_metadata() {
-  recording::Metadata metadata{.name = kVersionsMetadata, .values = {{"rtpm", RTPM_VERSION}}};
-  for (const auto& [key, path] : {std::pair{"host", "/proc/sys/kernel/hostname"},
-                                  std::pair{"kernel", "/proc/sys/kernel/osrelease"}}) {
-    std::string line;
-    if (std::ifstream file(path); std::getline(file, line)) metadata.values[key] = line;
-  }
-  return metadata;
+  return {.name = kVersionsMetadata,
+          .values = {
+              {"rtpm", RTPM_VERSION}, {"host", rt::host_name()}, {"kernel", rt::kernel_version()}}};
 }
 
 expected<events::Filter, SetupError> selection_of(const events::HubTypes& types,

@@ -20,6 +20,7 @@
 #include "course.hpp"
 #include "csv_text.hpp"
 #include "left_out.hpp"
+#include "os/file.hpp"
 #include "read_all.hpp"
 #include "recorded_devices.hpp"
 #include "rtpm/base/printable.hpp"
@@ -136,7 +137,8 @@ class SampleFile {
   }
   /// Appends a member to the file; readers of gzip take several as one.
   [[nodiscard]] bool write_packed() {
-    const gzFile file = gzopen(path.c_str(), "ab6");
+    const int number = os::open_to_append(path);
+    const gzFile file = number < 0 ? nullptr : gzdopen(number, "ab6");
     if (file == nullptr) return false;
     const int size = gzwrite(file, lines.data(), static_cast<unsigned>(lines.size()));
     return gzclose(file) == Z_OK && size == static_cast<int>(lines.size());

@@ -7,6 +7,8 @@
 #include <fstream>
 #include <system_error>
 
+#include "rtpm/base/civil_time.hpp"
+
 namespace rtpm::exports {
 namespace {
 
@@ -46,9 +48,7 @@ void append_text_cell(std::string& line, std::string_view text) {
 }
 
 std::string time_text(std::uint64_t ns) {
-  const auto whole_s = static_cast<std::time_t>(ns / kNsPerS);
-  std::tm utc{};
-  ::gmtime_r(&whole_s, &utc);
+  const std::tm utc = civil_utc(ns);
   std::string text(32, '\0');
   text.resize(std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%S.", &utc));
   const std::string fraction = std::to_string(ns % kNsPerS);

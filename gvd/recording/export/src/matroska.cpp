@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "nal_units.hpp"
+#include "os/file.hpp"
 
 namespace rtpm::exports {
 namespace {
@@ -164,8 +165,7 @@ expected<MatroskaFile, SetupError> MatroskaFile::create(const std::string& path,
                        "it has no sequence and picture parameter sets",
                        "let the encoder repeat them with each key frame");
   }
-  // "x": an existing file stays as it is.
-  std::FILE* const opened = std::fopen(path.c_str(), "wbx");
+  std::FILE* const opened = os::create(path);
   if (opened == nullptr) return setup_error("'" + path + "' can't be written", system_error(errno));
   MatroskaFile file(path, opened);
   file.begin_ns_ = file.end_ns_ = begin_ns;

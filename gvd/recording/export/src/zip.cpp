@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "os/file.hpp"
 #include "rtpm/base/printable.hpp"
 
 namespace rtpm::exports {
@@ -93,16 +94,16 @@ class Zip {
       : path_(std::move(path)), file_(std::move(file)), progress_(progress) {}
 
   expected<void, SetupError> add(const fs::path& source, std::string name) {
-    const File input(std::fopen(source.c_str(), "rb"));
+    const File input(os::open(source));
     if (!input) return setup_error(what(), system_error(errno));
     Entry entry{.name = std::move(name), .at = size_};
     if (auto put = write(local_header(entry).bytes()); !put) return put;
     if (auto packed = pack(input.get(), entry); !packed) return packed;
     // The header again, with what is known now.
-    const bool is_back = ::fseeko(file_.get(), static_cast<off_t>(entry.at), SEEK_SET) == 0 &&
+    const bool is_back = os::seek(file_.get(), entry.at) &&
                          std::fwrite(local_header(entry).bytes().data(),
                                      local_header(entry).bytes().size(), 1, file_.get()) == 1 &&
-                         ::fseeko(file_.get(), 0, SEEK_END) == 0;
+                         os::seek_end(file_.get());
     entries_.push_back(std::move(entry));
     return is_back ? expected<void, SetupError>{} : setup_error(what(), system_error(errno));
   }
@@ -204,7 +205,7 @@ expected<void, SetupError> fill(Zip& zip, const fs::path& folder) {
 
 expected<void, SetupError> zip_folder(const std::string& folder, const std::string& path,
                                       const recording::Progress& progress) {
-  File file(std::fopen(path.c_str(), "wbx"));
+  File file(os::create(path));
   if (!file) return setup_error("'" + printable(path) + "' can't be written", system_error(errno));
   Zip zip(path, std::move(file), progress);
   auto filled = fill(zip, folder);

@@ -1,11 +1,6 @@
 #include "input_file.hpp"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <utility>
 
 #include "compression.hpp"
@@ -24,24 +19,16 @@ SetupError stopped(const std::string& what) {
 }
 
 expected<InputFile, SetupError> InputFile::open(const std::string& path) {
-  const auto refuse = [&](std::error_code cause) {
-    return setup_error("the recording " + path + " can't be read", cause, "name a recording");
-  };
-  const auto no_file = [&] {
+  auto opened = os::open_input(path);
+  if (!opened) {
+    return setup_error("the recording " + path + " can't be read", opened.error(),
+                       "name a recording");
+  }
+  if (!opened->file.is_open()) {
     return setup_error("the recording " + path + " can't be read",
                        "it is a pipe, a device or a folder", "name a recording");
-  };
-  // Opening a device may have side effects, so check the type first. The name may refer to another
-  // file by then, so opening must not wait for the writer of a pipe.
-  struct stat status {};
-  if (::stat(path.c_str(), &status) != 0) return refuse(system_error(errno));
-  if (!S_ISREG(status.st_mode)) return no_file();
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
-  if (descriptor < 0) return refuse(system_error(errno));
-  const bool is_known = ::fstat(descriptor, &status) == 0;
-  InputFile file(path, descriptor, is_known ? static_cast<std::uint64_t>(status.st_size) : 0);
-  if (!is_known) return refuse(system_error(errno));
-  if (!S_ISREG(status.st_mode)) return no_file();
+  }
+  InputFile file(path, std::move(opened->file), opened->size);
   const auto magic = file.read(0, std::min<std::uint64_t>(file.size_, kMagicSize));
   if (!magic || !std::ranges::equal(*magic, std::as_bytes(std::span(kMagic)))) {
     return setup_error(path + " is no recording", "it does not begin as an MCAP file",
@@ -50,17 +37,8 @@ expected<InputFile, SetupError> InputFile::open(const std::string& path) {
   return file;
 }
 
-InputFile::InputFile(std::string path, int descriptor, std::uint64_t size) noexcept
-    : path_(std::move(path)), descriptor_(descriptor), size_(size) {}
-
-InputFile::InputFile(InputFile&& other) noexcept
-    : path_(std::move(other.path_)),
-      descriptor_(std::exchange(other.descriptor_, -1)),
-      size_(other.size_) {}
-
-InputFile::~InputFile() {
-  if (descriptor_ >= 0) ::close(descriptor_);
-}
+InputFile::InputFile(std::string path, os::File file, std::uint64_t size) noexcept
+    : path_(std::move(path)), file_(std::move(file)), size_(size) {}
 
 expected<std::vector<std::byte>, SetupError> InputFile::read(std::uint64_t offset,
                                                              std::uint64_t size) const {
@@ -74,12 +52,10 @@ expected<std::vector<std::byte>, SetupError> InputFile::read(std::uint64_t offse
   std::vector<std::byte> bytes(size);
   std::size_t done = 0;
   while (done < size) {
-    const ssize_t count =
-        ::pread(descriptor_, bytes.data() + done, size - done, static_cast<off_t>(offset + done));
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return fail(system_error(errno).message());
-    if (count == 0) return fail("it has become shorter");
-    done += static_cast<std::size_t>(count);
+    const auto count = os::read_at(file_, offset + done, MutableBytes(bytes).subspan(done));
+    if (!count) return fail(count.error().message());
+    if (*count == 0) return fail("it has become shorter");
+    done += *count;
   }
   return bytes;
 }

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "os/file.hpp"
 #include "records.hpp"
 #include "rtpm/base/setup_error.hpp"
 
@@ -28,15 +29,11 @@ inline constexpr std::uint64_t kProgressStep = 1024;
 [[nodiscard]] SetupError stopped(const std::string& what);
 
 /// A regular file with random access. It may shrink while it is open: every read is checked.
-/// @ownership owns the descriptor
+/// @ownership owns the open file
 class InputFile {
  public:
   /// @errors   no such file; a pipe, a device or a folder; not an MCAP file
   [[nodiscard]] static expected<InputFile, SetupError> open(const std::string& path);
-  InputFile(InputFile&& other) noexcept;
-  InputFile& operator=(InputFile&&) = delete;
-  ~InputFile();
-
   /// @errors   the file has fewer bytes; more than a chunk may have; a disk error
   [[nodiscard]] expected<std::vector<std::byte>, SetupError> read(std::uint64_t offset,
                                                                   std::uint64_t size) const;
@@ -50,10 +47,10 @@ class InputFile {
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
 
  private:
-  InputFile(std::string path, int descriptor, std::uint64_t size) noexcept;
+  InputFile(std::string path, os::File file, std::uint64_t size) noexcept;
 
   std::string path_;
-  int descriptor_;
+  os::File file_;
   std::uint64_t size_;
 };
 

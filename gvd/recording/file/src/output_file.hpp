@@ -3,6 +3,7 @@
 #include <optional>
 #include <string>
 
+#include "os/file.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/setup_error.hpp"
 
@@ -10,13 +11,10 @@ namespace rtpm::recording {
 
 /// An append-only file. After a failed append the incomplete part is truncated, so the file ends
 /// with a complete record.
-/// @ownership owns the descriptor
+/// @ownership owns the open file
 class OutputFile {
  public:
   [[nodiscard]] static expected<OutputFile, SetupError> create(const std::string& path);
-  OutputFile(OutputFile&& other) noexcept;
-  OutputFile& operator=(OutputFile&&) = delete;
-  ~OutputFile();
 
   /// @errors   the disk is full, …; then every further append fails with the same error
   [[nodiscard]] expected<void, SetupError> append(ConstBytes bytes);
@@ -24,14 +22,14 @@ class OutputFile {
   [[nodiscard]] expected<void, SetupError> close();
 
   [[nodiscard]] std::uint64_t size() const noexcept { return size_; }
-  [[nodiscard]] bool is_open() const noexcept { return descriptor_ >= 0; }
+  [[nodiscard]] bool is_open() const noexcept { return file_.is_open(); }
 
  private:
-  OutputFile(std::string path, int descriptor) noexcept;
-  [[nodiscard]] unexpected<SetupError> fail(int error);
+  OutputFile(std::string path, os::File file) noexcept;
+  [[nodiscard]] unexpected<SetupError> fail(const std::error_code& error);
 
   std::string path_;
-  int descriptor_;
+  os::File file_;
   std::uint64_t size_ = 0;
   std::optional<SetupError> failure_{};
 };

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "rtpm/base/assert.hpp"
+#include "rtpm/base/civil_time.hpp"
 #include "rtpm/base/record_ring.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
@@ -202,9 +203,7 @@ struct Recorder::Impl {
 };
 
 std::string name_by_time() {
-  const auto seconds = static_cast<std::time_t>(rt::utc_ns(rt::now()) / 1'000'000'000);
-  std::tm parts{};
-  ::gmtime_r(&seconds, &parts);
+  const std::tm parts = civil_utc(rt::utc_ns(rt::now()));
   std::array<char, 40> text{};
   std::strftime(text.data(), text.size(), "rtpm-%Y%m%d-%H%M%S.mcap", &parts);
   return text.data();

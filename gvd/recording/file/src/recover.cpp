@@ -1,11 +1,11 @@
 #include <algorithm>
-#include <filesystem>
 #include <map>
 #include <optional>
 #include <set>
 #include <utility>
 
 #include "contents.hpp"
+#include "rtpm/base/utf8_path.hpp"
 #include "rtpm/recording/file_writer.hpp"
 #include "rtpm/recording/repair.hpp"
 
@@ -226,7 +226,7 @@ void Rescue::lose_chunk(std::uint64_t end) {
 expected<void, SetupError> Rescue::say_what_is_lost() {
   if (recovery_.is_without_loss()) return {};
   Metadata metadata{.name = kRecoveryMetadata};
-  metadata.values["from"] = std::filesystem::path(file_.path()).filename().string();
+  metadata.values["from"] = utf8_of(path_of_utf8(file_.path()).filename());
   metadata.values["damaged_chunk_count"] = std::to_string(recovery_.damaged_chunk_count);
   metadata.values["cut_byte_count"] = std::to_string(recovery_.cut_byte_count);
   metadata.values["unknown_channel_count"] = std::to_string(recovery_.unknown_channel_count);

@@ -2,7 +2,7 @@
 #include "rtpm/driver/plugin.hpp"
 
 extern "C" {
-__attribute__((visibility("default"))) int created_count = 0;
+RTPM_PLUGIN_EXPORT int created_count = 0;
 }
 
 namespace {
@@ -22,5 +22,4 @@ rtpm::driver::Plugin foreign_plugin() {
 }  // namespace
 
 // NOLINTNEXTLINE(readability-identifier-naming): the symbol that a host looks for.
-extern "C" __attribute__((visibility("default"))) const rtpm::driver::Plugin rtpm_driver_plugin =
-    foreign_plugin();
+extern "C" RTPM_PLUGIN_EXPORT const rtpm::driver::Plugin rtpm_driver_plugin = foreign_plugin();

@@ -75,13 +75,15 @@ class HidSystem {
 
   /// The plugged-in units, including those of other makers and kinds.
   [[nodiscard]] virtual std::vector<Unit> units() = 0;
-  /// @errors   a permission is missing, with the udev rule that grants it; the device is gone
+  /// @errors   a permission is missing, with the udev rule that grants it; another program holds the
+  ///           device (Windows); the device is gone
   [[nodiscard]] virtual expected<std::unique_ptr<HidTransport>, SetupError> open(
       const Unit& unit) = 0;
 };
 
-/// The HID devices of this machine, through hidapi and udev.
-/// @source   hidapi 0.13, hidraw backend
+/// The HID devices of this machine, through hidapi. On Windows, each top-level collection of a device
+/// is a unit.
+/// @source   hidapi 0.13, backends hidraw and Windows
 [[nodiscard]] std::unique_ptr<HidSystem> make_hid_system();
 
 }  // namespace rtpm::device_hid

@@ -4,6 +4,7 @@
 #include <memory>
 #include <string_view>
 
+#include "rtpm/base/compiler.hpp"
 #include "rtpm/driver/driver.hpp"
 
 namespace rtpm::driver {
@@ -22,7 +23,7 @@ struct Plugin {
   std::uint32_t sample_size = sizeof(Sample);
   std::uint32_t command_size = sizeof(Command);
   std::uint32_t descriptor_size = sizeof(Descriptor);
-  std::uint32_t compiler_abi = __GXX_ABI_VERSION;
+  std::uint32_t compiler_abi = kCompilerAbi;
   /// Creates a driver from the operator's arguments.
   /// @errors   described in words with the remedy
   expected<std::unique_ptr<Driver>, SetupError> (*create)(std::string_view arguments) = nullptr;
@@ -30,11 +31,15 @@ struct Plugin {
 
 }  // namespace rtpm::driver
 
+// Exports the symbol; CMake says how on Windows.
+#ifndef RTPM_PLUGIN_EXPORT
+#define RTPM_PLUGIN_EXPORT [[gnu::visibility("default")]]
+#endif
+
 /// Turns a shared library into a plug-in for rtpm-deviced. Use it once, in one source, outside any
 /// namespace. `function` becomes Plugin::create.
 // NOLINTNEXTLINE(cppcoreguidelines-macro-usage)
-#define RTPM_DRIVER_PLUGIN(function)                \
-  extern "C" __attribute__((visibility("default"))) \
-  const rtpm::driver::Plugin rtpm_driver_plugin {   \
-    .create = (function)                            \
+#define RTPM_DRIVER_PLUGIN(function)                                            \
+  extern "C" RTPM_PLUGIN_EXPORT const rtpm::driver::Plugin rtpm_driver_plugin { \
+    .create = (function)                                                        \
   }

@@ -1,11 +1,11 @@
 #pragma once
 
-#include <dlfcn.h>
-
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "rtpm/base/expected.hpp"
 #include "rtpm/rt/crash.hpp"
 
 namespace rtpm::driver_host {
@@ -14,13 +14,17 @@ namespace rtpm::driver_host {
 /// @threads  any
 class Library {
  public:
+  /// Loads `file`; a bare name means a file in the working folder.
+  /// @errors   in the system's words
+  [[nodiscard]] static expected<std::shared_ptr<Library>, std::string> load(
+      const std::string& file);
   Library(void* handle, std::string name) noexcept : handle_(handle), name_(std::move(name)) {}
   Library(const Library&) = delete;
   Library& operator=(const Library&) = delete;
-  ~Library() { dlclose(handle_); }
+  ~Library();
 
   /// The exported symbol `name`; null if there is none.
-  [[nodiscard]] void* symbol(const char* name) const noexcept { return dlsym(handle_, name); }
+  [[nodiscard]] const void* symbol(const char* name) const noexcept;
   /// Registers the library's code, which includes `symbol`, for crash reports.
   void name_code_around(const void* symbol);
 

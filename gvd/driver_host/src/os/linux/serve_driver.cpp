@@ -23,7 +23,7 @@ using driver::Calibration;
 using driver::ExchangeStatus;
 
 constexpr Duration kFramePatience = std::chrono::seconds{1};
-constexpr Duration kEndPatience = std::chrono::seconds{1};
+constexpr Duration kLoopEndPatience = std::chrono::seconds{1};
 constexpr int kExitFailed = 1;
 constexpr int kExitDriverBlocks = 3;
 
@@ -84,7 +84,7 @@ class DriverLoop {
   [[nodiscard]] bool end() {
     is_ending_.store(true, std::memory_order_release);
     memory_.has_request.ring();
-    return has_ended_.wait_until(rt::now() + kEndPatience);
+    return has_ended_.wait_until(rt::now() + kLoopEndPatience);
   }
 
  private:

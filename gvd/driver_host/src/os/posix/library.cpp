@@ -1,7 +1,9 @@
-#include "library.hpp"
+#include "os/library.hpp"
 
+#include <dlfcn.h>
 #include <link.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 
@@ -30,6 +32,22 @@ int look_at(dl_phdr_info* object, std::size_t, void* search_data) {
 }
 
 }  // namespace
+
+expected<std::shared_ptr<Library>, std::string> Library::load(const std::string& file) {
+  // dlopen() would search for a bare name among the system's libraries.
+  const std::string path = file.find('/') == std::string::npos ? "./" + file : file;
+  void* const handle = ::dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (handle == nullptr) return unexpected{std::string(::dlerror())};
+  return std::make_shared<Library>(handle, file);
+}
+
+Library::~Library() {
+  ::dlclose(handle_);
+}
+
+const void* Library::symbol(const char* name) const noexcept {
+  return ::dlsym(handle_, name);
+}
 
 void Library::name_code_around(const void* symbol) {
   Search search{.symbol = reinterpret_cast<std::uintptr_t>(symbol)};
