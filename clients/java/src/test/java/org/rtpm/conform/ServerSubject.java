@@ -1,229 +1,281 @@
 package org.rtpm.conform;
 
-import java.io.BufferedReader;
 import java.io.IOException;
-import java.io.InputStreamReader;
-import java.nio.ByteBuffer;
+import java.net.DatagramPacket;
+import java.net.DatagramSocket;
+import java.net.InetAddress;
+import java.net.InetSocketAddress;
+import java.net.ServerSocket;
+import java.net.Socket;
 import java.nio.charset.StandardCharsets;
 import java.util.ArrayList;
+import java.util.Arrays;
 import java.util.HashMap;
-import java.util.HexFormat;
 import java.util.List;
 import java.util.Locale;
 import java.util.Map;
-import java.util.Set;
-import java.util.concurrent.CompletableFuture;
-import java.util.concurrent.ConcurrentHashMap;
-import java.util.concurrent.atomic.AtomicInteger;
-import org.rtpm.PrivateKey;
-import org.rtpm.PublicKey;
-import org.rtpm.Refusal;
-import org.rtpm.Server;
-import org.rtpm.ServerOptions;
+import java.util.concurrent.ThreadLocalRandom;
 import org.rtpm.Status;
+import org.rtpm.internal.io.FrameReader;
+import org.rtpm.internal.wire.BindReply;
+import org.rtpm.internal.wire.BindRequest;
 import org.rtpm.internal.wire.DropReason;
-import org.rtpm.values.CallContext;
-import org.rtpm.values.Codec;
-import org.rtpm.values.Interface;
-import org.rtpm.values.Kind;
-import org.rtpm.values.Method;
-import org.rtpm.values.Operation;
-import org.rtpm.values.Skeleton;
+import org.rtpm.internal.wire.Limits;
+import org.rtpm.internal.wire.Medium;
+import org.rtpm.internal.wire.Peer;
+import org.rtpm.internal.wire.ServerSessions;
+import org.rtpm.internal.wire.SipHash;
 
-/** A server for spec/conform/rtpm-conform, by its line protocol; see that folder's README. */
-public final class ServerSubject {
-  private static final Codec<byte[]> BYTES =
-      new Codec<>() {
-        @Override
-        public byte[] encode(byte[] value) {
-          return value;
-        }
+/** The server: the lanes' {@link ServerSessions} behind one UDP or TCP port. */
+final class ServerSubject extends Subject implements ServerSessions.Handler {
+  private static final long HOST = 0xffff_7f00_0001L;
 
-        @Override
-        public byte[] decode(ByteBuffer bytes) {
-          byte[] value = new byte[bytes.remaining()];
-          bytes.duplicate().get(value);
-          return value;
-        }
-      };
+  private record Lane(int low, int high, ServerSessions sessions) {}
 
-  private static final Method<byte[], byte[]> PLAIN =
-      new Method<>("run", 2, Kind.CALL, BYTES, BYTES);
+  private static final class Running {
+    final String word;
+    final ServerSessions.Request request;
+    final ServerSessions sessions;
+    /** The item that waits for credit, as its first bytes are sent. */
+    byte[] item;
 
-  private final Map<String, CompletableFuture<byte[]>> running = new ConcurrentHashMap<>();
-  private final Map<String, CallContext> contexts = new ConcurrentHashMap<>();
-  private final AtomicInteger runs = new AtomicInteger();
-  private Server server;
-
-  public static void main(String[] arguments) throws IOException {
-    if (arguments.length == 1 && arguments[0].equals("--count")) {
-      new ServerSubject().serveCounting(ServerOptions.DEFAULT);
-      return;
-    }
-    if (arguments.length == 2 && arguments[0].equals("--sealed")) {
-      PrivateKey key = PrivateKey.draw();
-      say(key.publicKey().toString());
-      new ServerSubject()
-          .serveCounting(
-              ServerOptions.DEFAULT.withKey(key, Set.of(PublicKey.parse(arguments[1])), false));
-      return;
-    }
-    new ServerSubject().talk();
-  }
-
-  private static synchronized void say(String line) {
-    System.out.println(line);
-    System.out.flush();
-  }
-
-  private void talk() throws IOException {
-    BufferedReader in =
-        new BufferedReader(new InputStreamReader(System.in, StandardCharsets.UTF_8));
-    for (String line; (line = in.readLine()) != null && !line.equals("quit"); ) {
-      try {
-        handle(new ArrayList<>(List.of(line.split(" "))));
-      } catch (RuntimeException e) {
-        say("cannot " + e);
-      }
-    }
-    System.exit(0);
-  }
-
-  private static Map<String, String> values(List<String> words) {
-    Map<String, String> values = new HashMap<>();
-    for (String word : words) {
-      int equals = word.indexOf('=');
-      if (equals > 0) {
-        values.put(word.substring(0, equals), word.substring(equals + 1));
-      }
-    }
-    return values;
-  }
-
-  private void handle(List<String> words) {
-    switch (words.get(0)) {
-      case "setup" -> setUp(values(words));
-      case "counters" -> {
-        StringBuilder counters = new StringBuilder("counters");
-        for (DropReason reason : DropReason.values()) {
-          counters.append(' ').append(reason).append('=').append(
-              server.dropped(reason.toString()));
-        }
-        say(counters.toString());
-      }
-      case "does" -> does(words);
-      default -> say("cannot " + words.get(0));
+    Running(String word, ServerSessions.Request request, ServerSessions sessions) {
+      this.word = word;
+      this.request = request;
+      this.sessions = sessions;
     }
   }
 
-  private static int number(Map<String, String> values, String name, int otherwise) {
-    return values.containsKey(name) ? Integer.decode(values.get(name)) : otherwise;
-  }
+  private final List<Lane> lanes = new ArrayList<>();
+  private final Map<String, Running> running = new HashMap<>();
+  private final Map<Long, Socket> connections = new HashMap<>();
+  private ServerSessions current;
+  private DatagramSocket socket;
+  private long connectionCount;
+  private int runs;
 
-  private void setUp(Map<String, String> values) {
-    String address = values.get("address");
-    int colon = address.lastIndexOf(':');
-    List<ServerOptions.LaneOptions> lanes = new ArrayList<>();
-    for (String band : values.getOrDefault("bands", "0-32767").split(",")) {
-      String[] ends = band.split("-");
-      lanes.add(
-          new ServerOptions.LaneOptions(Integer.parseInt(ends[0]), Integer.parseInt(ends[1]), 2));
+  ServerSubject(Line setup) throws IOException {
+    Medium medium = Medium.valueOf(setup.text("medium", "").toUpperCase(Locale.ROOT));
+    String[] bands = setup.text("bands", "0-32767").split(",");
+    ThreadLocalRandom random = ThreadLocalRandom.current();
+    long epoch = System.currentTimeMillis();
+    SipHash key = new SipHash(random.nextLong(), random.nextLong());
+    for (String band : bands) {
+      int dash = band.indexOf('-');
+      int low = Integer.parseInt(band.substring(0, dash));
+      int high = Integer.parseInt(band.substring(dash + 1));
+      ServerSessions.Config config =
+          new ServerSessions.Config(
+              medium,
+              low,
+              high,
+              setup.integer("ceiling", Limits.PRIORITY_MAX),
+              epoch,
+              setup.number("clock_domain", 0),
+              key,
+              lanes.size(),
+              bands.length,
+              setup.integer("session_count_max", 256),
+              setup.integer("message_size_max", 4 * 1024 * 1024),
+              setup.integer("large_message_count_max", 32),
+              4,
+              Integer.MAX_VALUE);
+      lanes.add(new Lane(low, high, new ServerSessions(config, this::send, this)));
     }
-    ServerOptions options =
-        ServerOptions.DEFAULT
-            .withHosts(address.substring(0, colon))
-            .withPort(Integer.parseInt(address.substring(colon + 1)))
-            .withLanes(lanes.toArray(new ServerOptions.LaneOptions[0]))
-            .withCeiling(number(values, "ceiling", 32767))
-            .withLimits(
-                number(values, "session_count_max", 256),
-                number(values, "message_size_max", 4 * 1024 * 1024),
-                number(values, "large_message_count_max", 32));
-    server = Server.open(options);
-    server.serve("lab/arm0", arm(this::run));
-    Thread watcher = new Thread(this::watchCancelled);
-    watcher.setDaemon(true);
-    watcher.start();
-    say("ready address=" + address.substring(0, colon) + ":" + server.port());
+    int port = medium == Medium.DATAGRAM ? openUdp(setup.address()) : openTcp(setup.address());
+    startClock();
+    say("ready address=" + setup.address().getHostString() + ":" + port);
   }
 
-  private static Skeleton arm(Operation.Function<byte[], CompletableFuture<byte[]>> function) {
-    Interface description = new Interface("lab.Arm", 0x0123456789abcdefL, List.of(PLAIN));
-    return new Skeleton(
-        description,
-        List.of(new Operation.Deferred<>(PLAIN, (bytes, context) -> function.run(bytes, context))));
+  private int openUdp(InetSocketAddress address) throws IOException {
+    socket = new DatagramSocket(address);
+    socket.setReceiveBufferSize(1 << 21);
+    startThread(
+        () -> {
+          DatagramPacket packet = new DatagramPacket(new byte[65_535], 65_535);
+          while (true) {
+            socket.receive(packet);
+            byte[] frame = Arrays.copyOf(packet.getData(), packet.getLength());
+            onFrame(frame, Peer.of(0, HOST, packet.getPort()));
+            packet.setLength(65_535);
+          }
+        });
+    return socket.getLocalPort();
   }
 
-  private CompletableFuture<byte[]> run(byte[] payload, CallContext context) {
-    String call = "c" + runs.incrementAndGet();
-    CompletableFuture<byte[]> result = new CompletableFuture<>();
-    running.put(call, result);
-    contexts.put(call, context);
-    say("sees run " + call + " method=2 payload=" + HexFormat.of().formatHex(payload));
-    return result;
-  }
-
-  private void watchCancelled() {
-    while (true) {
-      contexts.forEach(
-          (call, context) -> {
-            if (context.isCancelled() && contexts.remove(call) != null) {
-              say("sees cancelled " + call);
+  private int openTcp(InetSocketAddress address) throws IOException {
+    ServerSocket acceptor = new ServerSocket();
+    acceptor.setReuseAddress(true);
+    acceptor.bind(address);
+    startThread(
+        () -> {
+          while (true) {
+            Socket connection = acceptor.accept();
+            connection.setTcpNoDelay(true);
+            Peer peer = Peer.of(0, HOST, ++connectionCount);
+            synchronized (this) {
+              connections.put(peer.port(), connection);
             }
-          });
-      try {
-        Thread.sleep(2);
-      } catch (InterruptedException e) {
-        return;
-      }
-    }
+            startThread(() -> read(connection, peer));
+          }
+        });
+    return acceptor.getLocalPort();
   }
 
-  private void does(List<String> words) {
-    Map<String, String> values = values(words);
-    switch (words.get(1)) {
-      case "stop" -> server.close();
-      case "receipt" -> {
-        if (!values.get("status").equals("ok")) {
-          say("cannot");
+  private void read(Socket connection, Peer peer) throws IOException {
+    FrameReader reader = new FrameReader(false);
+    byte[] bytes = new byte[4096];
+    try (connection) {
+      for (int size; (size = connection.getInputStream().read(bytes)) >= 0; ) {
+        reader.buffer().put(bytes, 0, size);
+        for (byte[] frame; (frame = reader.next()) != null; ) {
+          if (!onFrame(frame, peer)) {
+            return;
+          }
         }
       }
-      case "complete" -> {
-        contexts.remove(words.get(2));
-        complete(running.remove(words.get(2)), values);
+    } finally {
+      synchronized (this) {
+        connections.remove(peer.port());
+        lanes.forEach(lane -> lane.sessions.endConnection(peer));
       }
-      default -> say("cannot " + words.get(1));
     }
   }
 
-  private static void complete(CompletableFuture<byte[]> call, Map<String, String> values) {
-    Status status = Status.valueOf(values.get("status").toUpperCase(Locale.ROOT));
-    byte[] payload = HexFormat.of().parseHex(values.getOrDefault("payload", ""));
-    if (status == Status.OK) {
-      call.complete(payload);
-    } else {
-      call.completeExceptionally(
-          new Refusal(status, new String(payload, StandardCharsets.UTF_8)));
-    }
+  private synchronized boolean onFrame(byte[] frame, Peer peer) {
+    current = laneOf(frame);
+    return current.onFrame(frame, peer, System.nanoTime());
   }
 
-  /** Serves what "Test a server" of rtpm-conform's README says, until it is ended. */
-  private void serveCounting(ServerOptions options) {
-    server = Server.open(options);
-    server.serve(
-        "lab/arm0",
-        arm(
-            (bytes, context) ->
-                CompletableFuture.completedFuture(
-                    ByteBuffer.allocate(8)
-                        .order(java.nio.ByteOrder.LITTLE_ENDIAN)
-                        .putLong(runs.incrementAndGet())
-                        .array())));
-    say("127.0.0.1:" + server.port());
+  // hp-11-2
+  private ServerSessions laneOf(byte[] frame) {
+    if (frame.length >= Limits.HEADER_SIZE) {
+      int priority = (frame[4] & 0xff) | (frame[5] & 0xff) << 8;
+      for (Lane lane : lanes) {
+        if (lane.low <= priority && priority <= lane.high) {
+          return lane.sessions;
+        }
+      }
+    }
+    return lanes.get(0).sessions;
+  }
+
+  private void send(Peer peer, byte[] frame) {
     try {
-      Thread.currentThread().join();
-    } catch (InterruptedException e) {
-      server.close();
+      if (socket != null) {
+        InetAddress host = InetAddress.getLoopbackAddress();
+        socket.send(new DatagramPacket(frame, frame.length, host, (int) peer.port()));
+      } else if (connections.containsKey(peer.port())) {
+        connections.get(peer.port()).getOutputStream().write(frame);
+      }
+    } catch (IOException e) {
+      // The client is gone, which its reader sees, too.
+    }
+  }
+
+  @Override
+  void tick() {
+    lanes.forEach(lane -> lane.sessions.onTime(System.nanoTime()));
+  }
+
+  @Override
+  long dropped(DropReason reason) {
+    return lanes.stream().mapToLong(lane -> lane.sessions.counters().dropped(reason)).sum();
+  }
+
+  @Override
+  void does(Line line) {
+    long now = System.nanoTime();
+    if (line.word(1).equals("stop")) {
+      lanes.forEach(lane -> lane.sessions.closeAll(now));
+      return;
+    }
+    Running call = running.get(line.word(2));
+    if (call == null) {
+      say("cannot: no such call");
+      return;
+    }
+    switch (line.word(1)) {
+      case "receipt" -> call.sessions.accept(call.request, line.status(), now);
+      case "item" -> push(call, line.payload(), now);
+      case "complete" -> {
+        running.remove(call.word);
+        call.sessions.complete(call.request, line.status(), line.payload(), now);
+      }
+      default -> say("cannot do " + line.word(1));
+    }
+  }
+
+  private static void push(Running call, byte[] item, long now) {
+    int max = call.sessions.itemSizeMax(call.request);
+    if (max > 0 && item.length > max) {
+      say("sees item_too_large " + call.word);
+    } else if (call.sessions.pushItem(call.request, item, now)) {
+      call.item = call.sessions.isItemMidway(call.request) ? item : null;
+    } else {
+      say("sees no_credit " + call.word);
+    }
+  }
+
+  @Override
+  public void onCall(ServerSessions.Request request) {
+    if (request.service() == Limits.SESSION_SERVICE) {
+      answerSession(request);
+      return;
+    }
+    String word = "c" + ++runs;
+    running.put(word, new Running(word, request, current));
+    say("sees run " + word + " method=" + request.method() + " payload="
+        + hex(request.payload()));
+  }
+
+  private void answerSession(ServerSessions.Request request) {
+    Status status = Status.OK;
+    byte[] payload = {};
+    if (request.method() == 1) {
+      BindRequest asked = BindRequest.read(request.payload());
+      if (asked == null) {
+        status = Status.BAD_REQUEST;
+      } else if (!asked.path().equals("lab/arm0")) {
+        status = Status.NO_SUCH_OBJECT;
+        payload = text("lab/arm0");
+      } else if (!asked.interfaceName().equals("lab.Arm")) {
+        status = Status.WRONG_INTERFACE;
+        payload = text("lab.Arm");
+      } else {
+        payload = new BindReply(1, 0, false, true, 5, Map.of(2, 0x22222222)).payload();
+      }
+    }
+    current.complete(request, status, payload, System.nanoTime());
+  }
+
+  // hp-5.2-1: a size of 16 bits before each text.
+  private static byte[] text(String text) {
+    byte[] bytes = new byte[2 + text.length()];
+    bytes[0] = (byte) text.length();
+    System.arraycopy(text.getBytes(StandardCharsets.US_ASCII), 0, bytes, 2, text.length());
+    return bytes;
+  }
+
+  private Running runningOf(ServerSessions.Request request) {
+    return running.values().stream().filter(call -> call.request == request).findAny().orElse(null);
+  }
+
+  @Override
+  public void onCancelled(ServerSessions.Request request) {
+    Running call = runningOf(request);
+    if (call != null) {
+      say("sees cancelled " + call.word);
+    }
+  }
+
+  @Override
+  public void onCredit(ServerSessions.Request request) {
+    Running call = runningOf(request);
+    if (call != null
+        && call.item != null
+        && call.sessions.pushItem(request, call.item, System.nanoTime())) {
+      call.item = call.sessions.isItemMidway(request) ? call.item : null;
     }
   }
 }

@@ -6,7 +6,7 @@ import org.rtpm.internal.wire.Header;
 import org.rtpm.internal.wire.Limits;
 
 /** Cuts the bytes of a connection into frames. One thread. */
-final class FrameReader {
+public final class FrameReader {
   private final ByteBuffer buffer = ByteBuffer.allocate(2 * Limits.STREAM_FRAME_SIZE_MAX);
   private final Header header = new Header();
   private final boolean takesSealed;
@@ -17,12 +17,12 @@ final class FrameReader {
    *
    * @param takesSealed whether sealed frames may come; else they are as broken as any reserved flag
    */
-  FrameReader(boolean takesSealed) {
+  public FrameReader(boolean takesSealed) {
     this.takesSealed = takesSealed;
   }
 
   /** Where received bytes go; {@link #next} takes them from there. */
-  ByteBuffer buffer() {
+  public ByteBuffer buffer() {
     return buffer;
   }
 
@@ -32,7 +32,7 @@ final class FrameReader {
    * <p>hp-8-2: after a bad header, or one of a frame that is too large, where the next frame begins
    * is unknown. Then the header alone is returned, which the protocol refuses, and nothing more.
    */
-  byte[] next() {
+  public byte[] next() {
     if (isBroken || buffer.position() < Limits.HEADER_SIZE) {
       return null;
     }
