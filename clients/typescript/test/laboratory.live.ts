@@ -1,6 +1,13 @@
 import assert from "node:assert/strict";
 import { after, before, describe, test } from "node:test";
 import { setTimeout as sleep } from "node:timers/promises";
+import {
+  ConfigurationClient,
+  ConfigurationInterface,
+  OutcomeCode,
+  Setting,
+  Value,
+} from "../idl/configuration.rtpm.js";
 import { HubClient, HubInterface } from "../idl/events.rtpm.js";
 import { MeasuredEvent, type Measured } from "../idl/tests/interop.rtpm.js";
 import {
@@ -209,5 +216,26 @@ describe("a laboratory of RTPM's programs", { skip: programFolder === undefined 
     await assert.rejects(lease.force({ x: 0, y: 0, z: 1 }, 20, patient), refusedAs("NotHolder"));
     assert.ok(lease.signal.aborted);
     await lease.close();
+  });
+
+  test("parameters change together, or not at all", async () => {
+    const binding = await node.bind("lab/arm0/config", ConfigurationInterface);
+    const configuration = new ConfigurationClient(binding);
+    const { parameters, revision } = await configuration.list();
+    const ramp = parameters.find(({ name }) => name === "safety.ramp_s")!;
+    assert.deepEqual([ramp.unit, ramp.low <= ramp.value.real], ["s", true]);
+    const apply = (real: number, since: bigint): ReturnType<typeof configuration.apply> => {
+      const value = Value.of({ type: ramp.type, real });
+      const settings = [Setting.of({ name: ramp.name, value })];
+      return configuration.apply({ revision: since, settings }, patient);
+    };
+    const refused = await apply(ramp.high + 1, revision);
+    assert.equal(refused.answer.outcome, OutcomeCode.OutOfRange);
+    const middle = (ramp.low + ramp.high) / 2;
+    const changed = await apply(middle, revision);
+    assert.equal(changed.answer.outcome, OutcomeCode.Done);
+    assert.equal(changed.settings[0]?.value.real, middle);
+    const late = await apply(ramp.low, revision);
+    assert.equal(late.answer.outcome, OutcomeCode.StaleRevision);
   });
 });

@@ -61,17 +61,18 @@ export abstract class CallingNode implements Binder, AsyncDisposable {
   protected abstract linkOptions(host: string, port: number): LinkOptions;
 
   /**
-   * Binds an object by its name, "lab/arm0", or its address, "rtpm://host:port/path". A binding by
-   * name follows it: where a server does not answer, the name is looked up again.
+   * Binds an object by its name, "lab/arm0", one below it, "lab/arm0/config", or its address,
+   * "rtpm://host:port/path". A binding by name follows it: where a server does not answer, the name
+   * is looked up again.
    * @throws CallError if no server answers, it has no such object, or its interface is another one;
    *   NameError if the name is not bound; RangeError for a text that is neither name nor address
    */
   async bind(address: string, description: Interface, options: CallOptions = {}): Promise<Binding> {
     const end = this.clock.now() + this.deadlineMs(options) * millisecond;
     if (isValidPath(address)) {
-      const url = urlOf((await this.names.resolve(address, options)).url);
+      const url = urlOf(await this.names.addressOf(address, options));
       const lookUp = async (): Promise<Place> => {
-        const found = urlOf((await this.names.resolve(address, {})).url);
+        const found = urlOf(await this.names.addressOf(address));
         const [host] = await this.hostsOf(found);
         return { link: this.linkTo(host ?? "", found.port), path: found.path };
       };

@@ -76,6 +76,22 @@ export class Directory {
     return entry;
   }
 
+  /**
+   * The address of a name, or of an object below one: "lab/arm0/config" is served where "lab/arm0"
+   * is bound.
+   * @throws NameError as resolve()
+   */
+  async addressOf(name: string, options: CallOptions = {}): Promise<string> {
+    for (let bound = name; ; bound = bound.slice(0, bound.lastIndexOf("/"))) {
+      try {
+        return (await this.resolve(bound, options)).url + name.slice(bound.length);
+      } catch (error) {
+        const isBelow = error instanceof NameError && error.outcome === "NotADirectory";
+        if (!isBelow || !bound.includes("/")) throw error;
+      }
+    }
+  }
+
   /** The names at and below a directory, or all, in the order of their bytes. */
   async list(directory = "", options: CallOptions = {}): Promise<Entry[]> {
     const entries: Entry[] = [];

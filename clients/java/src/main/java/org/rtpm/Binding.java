@@ -334,7 +334,7 @@ public final class Binding implements Caller, AutoCloseable {
   private void follow() {
     Binding fresh = null;
     try {
-      Address now = node.directory().resolve(name).address();
+      Address now = node.directory().addressOf(name, node.options().deadline());
       if (!now.equals(target.address)) {
         fresh = node.bindAddress(now, description, node.options().deadline());
       }

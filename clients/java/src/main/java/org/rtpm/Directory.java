@@ -116,6 +116,29 @@ public final class Directory implements AutoCloseable {
     return entryOf(reply.entry());
   }
 
+  /**
+   * The address of a name, or of an object below one: {@code lab/arm0/config} is served where {@code
+   * lab/arm0} is bound.
+   *
+   * @throws NameException as {@link #resolve(String)} does
+   */
+  public Address addressOf(String name, Duration deadline) {
+    String bound = name;
+    while (true) {
+      try {
+        Address found = resolve(bound, deadline).address();
+        String path = found.path() + name.substring(bound.length());
+        return new Address(found.hosts(), found.port(), path);
+      } catch (NameException e) {
+        int slash = bound.lastIndexOf('/');
+        if (slash < 0 || !e.outcome().equals(OutcomeCode.NOT_A_DIRECTORY)) {
+          throw e;
+        }
+        bound = bound.substring(0, slash);
+      }
+    }
+  }
+
   // hp-10: loopback addresses of another host, and this host's own, lead elsewhere.
   private static NameEntry entryOf(Entry entry) {
     Address address = addressOf(entry);

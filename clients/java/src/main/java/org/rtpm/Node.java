@@ -111,7 +111,7 @@ public final class Node implements AutoCloseable {
    * interface. Waits for that.
    *
    * @param address a name such as {@code lab/arm0}, which a registry knows and the binding follows,
-   *     or an address such as {@code rtpm://127.0.0.1:7421/lab/arm0}
+   *     one below it such as {@code lab/arm0/config}, or an address such as {@code rtpm://127.0.0.1:7421/lab/arm0}
    * @param description the interface, from generated code
    * @param deadline relative
    * @throws BindException if the server can't be reached or has no such object
@@ -126,7 +126,7 @@ public final class Node implements AutoCloseable {
       return bindAddress(Address.parse(address), description, deadline);
     }
     long end = after(deadline);
-    Address found = directory().resolve(address, deadline).address();
+    Address found = directory().addressOf(address, deadline);
     Duration left = Duration.ofNanos(Math.max(end - ClientLoop.now(), 1));
     Binding.Target target = bindAddress(found, description, left).target();
     return new Binding(this, address, target, description);

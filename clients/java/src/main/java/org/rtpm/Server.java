@@ -9,6 +9,7 @@ import java.time.Duration;
 import java.util.ArrayList;
 import java.util.Arrays;
 import java.util.List;
+import java.util.Map;
 import java.util.concurrent.ExecutorService;
 import java.util.concurrent.LinkedBlockingQueue;
 import java.util.concurrent.ThreadPoolExecutor;
@@ -45,7 +46,7 @@ public final class Server implements AutoCloseable {
   private final ExecutorService keyWorker;
   private boolean isClosed;
 
-  private Server(ServerOptions options) throws IOException {
+  private Server(ServerOptions options, Map<String, Skeleton> first) throws IOException {
     GrantFile grants =
         options.authorized() == null ? null : new GrantFile(options.authorized());
     keyWorker =
@@ -60,6 +61,8 @@ public final class Server implements AutoCloseable {
               thread.setDaemon(true);
               return thread;
             });
+    objects.addCatalog();
+    first.forEach(this::serve);
     // hp-10-3: one socket for each address, so that answers come from where the frame went.
     List<InetAddress> hosts = new ArrayList<>();
     for (String host : options.hosts()) {
@@ -72,7 +75,6 @@ public final class Server implements AutoCloseable {
             lanes,
             options.sessionCountMax(),
             options.key() != null);
-    objects.addCatalog();
     openLanes(options, grants);
     loop.start();
   }
@@ -129,8 +131,20 @@ public final class Server implements AutoCloseable {
    * @throws UncheckedIOException if an address can't be bound; the message names it
    */
   public static Server open(ServerOptions options) {
+    return open(options, Map.of());
+  }
+
+  /**
+   * Opens a server that has these objects from its first moment on. Clients of a server that was
+   * restarted at its address come back at once, and one that finds its object missing gives up.
+   *
+   * @param objects by their paths; {@link #serve} adds others later
+   * @throws UncheckedIOException if an address can't be bound; the message names it
+   * @throws IllegalArgumentException if a path is malformed
+   */
+  public static Server open(ServerOptions options, Map<String, Skeleton> objects) {
     try {
-      return new Server(options);
+      return new Server(options, objects);
     } catch (IOException e) {
       String where = String.join(",", options.hosts()) + ":" + options.port();
       throw new UncheckedIOException(

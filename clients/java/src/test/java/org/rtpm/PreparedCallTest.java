@@ -7,6 +7,7 @@ import static org.junit.jupiter.api.Assertions.assertTrue;
 import com.sun.management.ThreadMXBean;
 import java.lang.management.ManagementFactory;
 import java.time.Duration;
+import java.util.Map;
 import java.util.Set;
 import java.util.stream.Collectors;
 import org.junit.jupiter.api.Test;
@@ -34,9 +35,9 @@ class PreparedCallTest {
   }
 
   private static Server server(int port) {
-    Server server = Server.open(ServerOptions.DEFAULT.withPort(port));
-    server.serve("interop", InteropServer.servant());
-    return server;
+    return Server.open(
+        ServerOptions.DEFAULT.withPort(port),
+        Map.of("interop", InteropServer.servant().skeleton()));
   }
 
   private static void callSome(PreparedCall call, Numbers.View sent, Numbers.View got, int count) {

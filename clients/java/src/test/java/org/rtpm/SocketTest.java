@@ -17,6 +17,7 @@ import java.time.Duration;
 import java.util.ArrayList;
 import java.util.Collections;
 import java.util.List;
+import java.util.Map;
 import java.util.Random;
 import java.util.Set;
 import java.util.concurrent.CompletableFuture;
@@ -551,9 +552,10 @@ class SocketTest {
       }
       int port = setup.server.port();
       setup.server.close();
-      try (Server again = Server.open(ServerOptions.DEFAULT.withPort(port))) {
-        again.serve("lab/other", new Lab().skeleton());
-        again.serve("lab/arm0", second.skeleton());
+      Map<String, Skeleton> objects =
+          Map.of("lab/other", new Lab().skeleton(), "lab/arm0", second.skeleton());
+      try (Server again = Server.open(ServerOptions.DEFAULT.withPort(port), objects)) {
+        assertEquals(port, again.port());
         assertArrayEquals(bytes(1), setup.arm.invoke(COUNT, bytes()));
         assertEquals(1, second.count.get());
       }
@@ -569,8 +571,10 @@ class SocketTest {
       setup.server.close();
       Lab second = new Lab();
       second.later.complete(bytes(5));
-      try (Server again = Server.open(ServerOptions.DEFAULT.withPort(port))) {
-        again.serve("lab/arm0", second.skeleton());
+      try (Server again =
+          Server.open(
+              ServerOptions.DEFAULT.withPort(port), Map.of("lab/arm0", second.skeleton()))) {
+        assertEquals(port, again.port());
         assertArrayEquals(bytes(5), idempotent.get(5, TimeUnit.SECONDS));
       }
     }

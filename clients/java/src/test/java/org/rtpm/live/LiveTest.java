@@ -9,6 +9,7 @@ import java.nio.ByteBuffer;
 import java.nio.file.Path;
 import java.time.Duration;
 import java.util.List;
+import java.util.Map;
 import java.util.concurrent.BlockingQueue;
 import java.util.concurrent.LinkedBlockingQueue;
 import java.util.concurrent.TimeUnit;
@@ -94,13 +95,10 @@ class LiveTest {
   }
 
   private static Server server(int port, int who) {
-    Server server = Server.open(ServerOptions.DEFAULT.withPort(port));
-    server.serve(
-        "lab/test",
+    Skeleton skeleton =
         new Skeleton(
-            LAB,
-            List.of(new Operation.Plain<>(WHO, (bytes, context) -> new byte[] {(byte) who}))));
-    return server;
+            LAB, List.of(new Operation.Plain<>(WHO, (bytes, context) -> new byte[] {(byte) who})));
+    return Server.open(ServerOptions.DEFAULT.withPort(port), Map.of("lab/test", skeleton));
   }
 
   @Test
