@@ -19,6 +19,9 @@ using gvd::DeviceOutcome;
 
 constexpr Duration kEffectPatience = std::chrono::milliseconds{500};
 constexpr Duration kEffectInterval = std::chrono::milliseconds{5};
+/// A device grants one take-over a second: another operator's click must not fail for that.
+constexpr Duration kTakeOverPatience = std::chrono::milliseconds{1500};
+constexpr Duration kTakeOverInterval = std::chrono::milliseconds{50};
 /// How late the end of a connection without a close frame may be noticed.
 constexpr Duration kNoticeMax = std::chrono::seconds{7};
 using HolderMethod = expected<device::Outcome, rpc::CallError> (device::DeviceClient::*)(
@@ -40,10 +43,15 @@ bool is_done(const DeviceError& error) noexcept {
 DeviceError take_over(DeviceLink& link) {
   rpc::CallOptions options;
   options.priority = link.operator_priority();
-  const auto lease = link.stub().take_over({}, options);
-  if (!lease) return lease.error();
-  if (lease->outcome() == device::OutcomeCode::Done) link.set_lease(lease->id());
-  return static_cast<DeviceOutcome>(lease->outcome());
+  const MonotonicTime end = rt::now() + kTakeOverPatience;
+  while (true) {
+    const auto lease = link.stub().take_over({}, options);
+    if (!lease) return lease.error();
+    if (lease->outcome() == device::OutcomeCode::Done) link.set_lease(lease->id());
+    if (lease->outcome() != device::OutcomeCode::TooSoon || rt::now() >= end)
+      return static_cast<DeviceOutcome>(lease->outcome());
+    rt::sleep_until(rt::now() + kTakeOverInterval);
+  }
 }
 
 DeviceError give_back(DeviceLink& link) {

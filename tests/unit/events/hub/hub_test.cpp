@@ -171,13 +171,13 @@ TEST_P(HubConsumers, AreListedWithTheSlowestFirst) {
     push(*supplier, kPose);
     auto asked = HubReport::ask(node, hub.url(), kPatience);
     list = asked ? std::move(asked->consumers) : std::vector<HubConsumer>{};
-    return list.size() == 2 && list[0].name == "slow" && list[0].lag > 20ms &&
-           list[0].lost_count > 0;
+    // The queue of 8 holds events of the last milliseconds only, where a machine pushes fast.
+    return list.size() == 2 && list[0].name == "slow" && list[0].lost_count > 0 &&
+           list[0].lag > list[1].lag;
   }));
   ASSERT_EQ(list.size(), 2u);
   EXPECT_EQ(list[1].name, "fast");
   EXPECT_EQ(list[1].lost_count, 0u);
-  EXPECT_LT(list[1].lag, list[0].lag);
   for (const HubConsumer& each : list) {
     EXPECT_EQ(each.program, rt::program_name().substr(0, 64));
     EXPECT_EQ(each.process, static_cast<std::uint32_t>(::getpid()));
