@@ -93,6 +93,8 @@ def laboratory(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("RTPM_REALTIME", "off")
+    # The schema's 10 ms of a read are for loops, and shorter than some pauses of a busy machine.
+    monkeypatch.setenv("RTPM_DEADLINE", "10s")
     tmp_path.chmod(0o700)
     started = Laboratory(tmp_path)
     yield started
