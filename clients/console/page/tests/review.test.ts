@@ -4,6 +4,7 @@ import {
   commonLabels,
   cutName,
   firstFields,
+  mostTelling,
   originOf,
   readCurves,
   readRun,
@@ -55,6 +56,21 @@ describe('a run', () => {
     expect(commonLabels(a, b)).toEqual(['go']);
     expect([originOf(a, 'go'), originOf(b, 'go'), originOf(b, '')]).toEqual([1, 2, 0]);
     expect(originOf(b, 'start')).toBeNull();
+  });
+});
+
+describe('happenings', () => {
+  const [marker, trial] = runOf(['start']).happenings;
+  const faults = Array.from({length: 300}, () => ({...marker!, kind: 'fault' as const}));
+
+  it('of people stay in a list that faults would fill', () => {
+    const all = [...faults, marker!, trial!];
+    expect(mostTelling(all, 200)).toEqual([...faults.slice(0, 198), marker, trial]);
+    expect(mostTelling(all, 1)).toEqual([marker]);
+  });
+
+  it('all stay where they are few', () => {
+    expect(mostTelling([marker!, ...faults], 301)).toHaveLength(301);
   });
 });
 

@@ -235,6 +235,18 @@ export function shortName(path: string): {readonly topic: string; readonly name:
   return dot < 0 ? {topic: '', name: path} : {topic: path.slice(0, dot), name: path.slice(dot + 1)};
 }
 
+/** So many of them, in their order: first what people noted, and then the first of the incidents. */
+export function mostTelling(
+  happenings: readonly Happening[],
+  countMax: number,
+): readonly Happening[] {
+  const isOfPeople = ({kind}: Happening) => ['marker', 'trial', 'note'].includes(kind);
+  const ofPeople = happenings.filter(isOfPeople).slice(0, countMax);
+  const others = happenings.filter((one) => !isOfPeople(one)).slice(0, countMax - ofPeople.length);
+  const chosen = new Set([...ofPeople, ...others]);
+  return happenings.filter((one) => chosen.has(one));
+}
+
 /** Where another recording has the moment by which both are aligned; null: it has none. */
 export function originOf(run: Run, label: string): number | null {
   if (label === '') return 0;

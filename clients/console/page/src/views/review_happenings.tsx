@@ -1,6 +1,6 @@
 import {useSignal} from '@preact/signals';
 import {kShapes} from '../drawing/marks';
-import type {Happening, HappeningKind, Run} from '../model/review';
+import {mostTelling, type Happening, type HappeningKind, type Run} from '../model/review';
 import {momentText, type Span} from '../model/span';
 import {Card, Empty, Problem} from '../parts/parts';
 import {duration, thousands} from '../parts/text';
@@ -47,6 +47,7 @@ export function Happenings({review, run, originS, span, onGo}: HappeningsProps) 
   const inside = rows.filter(
     (one) => one.atS >= span.fromS + originS && one.atS <= span.toS + originS,
   );
+  const shown = mostTelling(inside, kRowMax);
   const thinned = run.counts.markers + run.counts.trials + run.counts.incidents;
   const remove = async (note: Happening) => {
     problem.value = await review.removeNote(note);
@@ -88,7 +89,7 @@ export function Happenings({review, run, originS, span, onGo}: HappeningsProps) 
         <Empty>{all.length === 0 ? words.nothingHappened : words.nothingHere}</Empty>
       ) : (
         <ol class="review-list" data-testid="review-happenings">
-          {inside.slice(0, kRowMax).map((one) => (
+          {shown.map((one) => (
             <li key={`${one.kind} ${one.timeNs} ${one.device} ${one.text}`}>
               <button type="button" onClick={() => onGo(one.atS)}>
                 <Mark kind={one.kind} />
@@ -110,8 +111,8 @@ export function Happenings({review, run, originS, span, onGo}: HappeningsProps) 
           ))}
         </ol>
       )}
-      {inside.length > kRowMax && (
-        <p class="quiet">{words.moreHappenings(inside.length - kRowMax)}</p>
+      {inside.length > shown.length && (
+        <p class="quiet">{words.moreHappenings(inside.length - shown.length)}</p>
       )}
     </Card>
   );
