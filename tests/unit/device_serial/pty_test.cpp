@@ -25,13 +25,14 @@ using test::SerialModel;
 
 constexpr Duration kPeriod = milliseconds{2};
 
-std::unique_ptr<SerialDriver> make_driver(PortSettings port, ListPorts list = &list_ports) {
+std::unique_ptr<SerialDriver> make_driver(PortSettings port, ListPorts list = &list_ports,
+                                          Duration greeting_max = milliseconds{400}) {
   return std::make_unique<SerialDriver>(SerialConfig{.open = open_serial_port(std::move(list)),
                                                      .port = std::move(port),
                                                      .board = fallback_board(),
                                                      .serial = "A",
                                                      .frame = "paddle0/base",
-                                                     .greeting_max = milliseconds{400},
+                                                     .greeting_max = greeting_max,
                                                      .realtime = rt::RealtimeMode::kOff});
 }
 
@@ -95,7 +96,7 @@ TEST(SerialPty, CarriesCommandsAndStates) {
 TEST(SerialPty, WaitsForABoardThatOpeningResets) {
   PtyBoard board(SerialFault::kNone, 0, true);
   board.with([](SerialModel& model) { model.set_boot_time(milliseconds{150}); });
-  const auto driver = make_driver({.port = board.port()});
+  const auto driver = make_driver({.port = board.port()}, &list_ports, milliseconds{3000});
   for (int round = 0; round < 2; ++round) {
     ASSERT_TRUE(start(*driver));
     EXPECT_GT(run(*driver, milliseconds{40}, 0.1).ok_count, 0);
