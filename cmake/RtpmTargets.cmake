@@ -200,12 +200,22 @@ function(rtpm_program)
   rtpm_install_program(${A_NAME})
 endfunction()
 
+# rtpm_compiles_in_idle_time: before the command of a test that compiles. It takes the time that other tests leave,
+# most of which wait; RESOURCE_LOCK idle_time: one at a time.
+find_program(RTPM_CHRT chrt)
+mark_as_advanced(RTPM_CHRT)
+set(rtpm_compiles_in_idle_time "")
+if(RTPM_CHRT)
+  set(rtpm_compiles_in_idle_time "${RTPM_CHRT}" --idle 0)
+endif()
+
 # rtpm_test(NAME name SOURCES … LINK targets… LABEL unit|conformance|system|… [TIMEOUT seconds] [SERIAL]
 #   [PROCESSES] [APART] [ALSO name=variable=value] [EXCEPT patterns…])
 # A GoogleTest binary whose cases are each a ctest. SERIAL: cases take the machine for themselves.
 # PROCESSES: they start processes, so one such case runs at a time, beside cases without.
 # APART: its sources are not compiled in batches, as they use a name for several things.
-# ALSO: they run once more, as <name>.<case>, with this environment. EXCEPT: cases that Windows does not run.
+# ALSO: they run once more, as <name>.<case>, with this environment, behind the fixture <name>.
+# EXCEPT: cases that Windows does not run.
 function(rtpm_test)
   cmake_parse_arguments(PARSE_ARGV 0 A "SERIAL;PROCESSES;APART" "NAME;LABEL;TIMEOUT;ALSO" "SOURCES;LINK;EXCEPT")
   if(A_UNPARSED_ARGUMENTS OR NOT A_NAME OR NOT A_SOURCES OR NOT A_LABEL)
@@ -246,7 +256,7 @@ function(rtpm_test)
   if(A_ALSO MATCHES "^([^=]+)=(.+)$")
     gtest_discover_tests(${A_NAME} TEST_PREFIX "${CMAKE_MATCH_1}." TEST_LIST "${CMAKE_MATCH_1}"
       DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT} ENVIRONMENT "${CMAKE_MATCH_2}"
-      ${keys} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${serial})
+      FIXTURES_REQUIRED "${CMAKE_MATCH_1}" ${keys} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${serial})
   endif()
 endfunction()
 
