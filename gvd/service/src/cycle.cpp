@@ -135,10 +135,11 @@ const DeviceCycle::HeldCommand* DeviceCycle::command_of(MonotonicTime now,
     }
   }
   outputs_.take();
-  if (const Request left = take_request(release_request_, holder); left.what != 0) {
-    const bool is_rearm = left.what == number_of(Release::kRearm);
-    if (is_rearm && emergency_.is_set()) is_rearmed_ = emergency_.rearm(left.stop_number);
-    if (left.what == number_of(Release::kRecover)) filter_.recover();
+  const Request rearm = take_request(rearm_request_, holder);
+  const Request recover = take_request(recover_request_, holder);
+  if (rearm.what != 0 && emergency_.is_set()) is_rearmed_ = emergency_.rearm(rearm.stop_number);
+  if (recover.what != 0) filter_.recover();
+  if (rearm.what != 0 || recover.what != 0) {
     // Commands from before it belong to the fault or the stop.
     drop_commands();
     models_.drop_before_release();
@@ -523,7 +524,8 @@ expected<void, ModelsRefusal> DeviceCycle::set_models(const ClientModels& models
   if (const auto checked = check(models.list, models_.limits()); !checked) {
     return unexpected{ModelsRefusal{DeviceOutcome::kOutOfRange, checked.error()}};
   }
-  const bool is_after_release = release_request_.load(std::memory_order_acquire) != 0;
+  const bool is_after_release = rearm_request_.load(std::memory_order_acquire) != 0 ||
+                                recover_request_.load(std::memory_order_acquire) != 0;
   const MailOutcome outcome =
       models_.put({Lease::serial_of(models.lease), models.sequence}, models, is_after_release,
                   [&] { return lease_.holder() == models.lease; });
@@ -547,7 +549,8 @@ expected<void, DeviceOutcome> DeviceCycle::request(std::uint64_t lease,
 }
 
 expected<void, DeviceOutcome> DeviceCycle::request(std::uint64_t lease, Release release) noexcept {
-  return leave(release_request_, lease, number_of(release));
+  return leave(release == Release::kRearm ? rearm_request_ : recover_request_, lease,
+               number_of(release));
 }
 
 expected<void, DeviceOutcome> DeviceCycle::leave(std::atomic<std::uint64_t>& request,

@@ -183,9 +183,11 @@ class DeviceCycle {
   Latest<driver::Sample> published_{};
   Latest<DeviceCounters> published_counters_{};
   std::atomic<MonotonicTime> published_at_{};
-  /// A holder's request, packed by request_of(), or 0.
+  /// A holder's requests, packed by request_of(), or 0. Each has a place of its own, as both that
+  /// come within a cycle take place.
   std::atomic<std::uint64_t> transition_request_{0};
-  std::atomic<std::uint64_t> release_request_{0};
+  std::atomic<std::uint64_t> recover_request_{0};
+  std::atomic<std::uint64_t> rearm_request_{0};
   EmergencyLatch emergency_{};
   std::atomic<std::uint16_t> taken_over_at_priority_{0};
   std::atomic<driver::Lifecycle> lifecycle_{driver::Lifecycle::kUnconfigured};

@@ -227,6 +227,24 @@ TEST_F(Commanded, AnEmergencyStopTakesTheForceAtOnceAndLatches) {
   EXPECT_LT(last().wrench.force_newton.x, 1) << "soft start";
 }
 
+TEST_F(Commanded, ARearmAndARecoveryWithinACycleBothTakePlace) {
+  cycle_->emergency_stop();
+  run();
+  ASSERT_TRUE(cycle_->request(lease_, Release::kRearm));
+  ASSERT_TRUE(cycle_->request(lease_, Release::kRecover));
+  run();
+  EXPECT_FALSE(cycle_->is_stopped());
+  Setpoint broken = Setpoint::with_wrench({{4, 0, 0}, {}});
+  broken.wrench.force_newton.x = std::numeric_limits<double>::quiet_NaN();
+  ASSERT_EQ(command(broken).error(), DeviceOutcome::kNotFinite);
+  run();
+  ASSERT_TRUE(sample().faults.has(Fault::kCommandNotFinite));
+  ASSERT_TRUE(cycle_->request(lease_, Release::kRecover));
+  ASSERT_TRUE(cycle_->request(lease_, Release::kRearm));
+  run();
+  EXPECT_FALSE(sample().faults.has(Fault::kCommandNotFinite));
+}
+
 TEST_F(Commanded, AStopBehindTheRequestToRearmStands) {
   cycle_->emergency_stop();
   run();
