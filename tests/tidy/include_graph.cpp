@@ -110,6 +110,10 @@ const std::vector<Part>& parts() {
       {"clients/ros2/",
        "",
        {"base", "rt", "rpc", "program", "options", "names", "events", "driver", "gvd", "ros2"}},
+      {"clients/c/",
+       "rtpm.h",
+       {"base", "rt", "rpc", "names", "dynamic", "events", "recording", "schema", "driver", "gvd",
+        "capture"}},
       {"clients/python/",
        "",
        {"base", "wire", "rt", "rpc", "predicate", "names", "introspection", "dynamic", "events",
@@ -172,7 +176,8 @@ const std::vector<Foreign>& foreigners() {
        "nlohmann/json",
        {"schema/compiler/src/", "registry/file_store/src/", "registry/etcd_store/src/",
         "gvd/configuration/src/", "gvd/incidents/src/", "gvd/recording/export/src/",
-        "gvd/recording/file/src/", "devices/mpv/src/", "clients/console/", "clients/rtpm/"}},
+        "gvd/recording/file/src/", "devices/mpv/src/", "clients/c/src/", "clients/console/",
+        "clients/rtpm/"}},
       {std::regex("dds/.*"), "Cyclone DDS", {"clients/ros2/src/cyclone/"}},
       {std::regex("(mosquitto|mqtt_protocol).*"), "libmosquitto", {"clients/mqtt/"}},
       {std::regex("(zlib|zstd|lz4frame)\\.h"),
@@ -198,8 +203,8 @@ const std::vector<Foreign>& foreigners() {
       // program has the signals and streams that every program shares, options the environment;
       // driver_host loads plug-ins; the devices are drivers of hardware and a program that
       // devices/mpv starts; rtpm looks at terminals, files and this host; the console names the
-      // host, and needs random numbers; Python's event loops wait for descriptors, and it forks; VRPN
-      // has a protocol of its own on sockets.
+      // host, and needs random numbers; event loops of C and Python wait for descriptors, and Python
+      // forks; VRPN has a protocol of its own on sockets.
       {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
                   "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc|pwd|windows|winsock2|ws2tcpip|"
                   "aclapi|sddl|lmcons|io)\\.h)"),
@@ -220,6 +225,7 @@ const std::vector<Foreign>& foreigners() {
         "devices/mpv/src/",
         "devices/serial/src/",
         "devices/vrpn/src/",
+        "clients/c/src/",
         "clients/console/",
         "clients/python/src/",
         "clients/rtpm/",

@@ -235,7 +235,7 @@ export function shortName(path: string): {readonly topic: string; readonly name:
   return dot < 0 ? {topic: '', name: path} : {topic: path.slice(0, dot), name: path.slice(dot + 1)};
 }
 
-/** So many of them, in their order: first what people noted, and then the first of the incidents. */
+/** At most `countMax`, in their order: people's marks before incidents. */
 export function mostTelling(
   happenings: readonly Happening[],
   countMax: number,
