@@ -1,6 +1,7 @@
 # Runs the test in the build folder, or says why it can't:
 # cmake -DNPM= -DNODE= -DTEST= -DSOURCE= -DWORK= -DINSTALL= -DPROGRAMS= -DSTROKE= -DPAGE=
 #   -DTYPESCRIPT= -P run.cmake
+cmake_minimum_required(VERSION 3.25)
 if(NOT EXISTS "${PAGE}/index.html")
   message(NOTICE "SKIPPED: the page of rtpm-console is not built.")
   return()
