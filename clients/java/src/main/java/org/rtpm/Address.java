@@ -54,7 +54,8 @@ public record Address(List<String> hosts, int port, String path) {
     return text.length() <= 200 && PATH.matcher(text).matches();
   }
 
-  private static Address read(String text) {
+  /** Reads an address; null if it is malformed. */
+  static Address read(String text) {
     if (!text.startsWith(SCHEME)) {
       return null;
     }

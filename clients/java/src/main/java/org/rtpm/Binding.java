@@ -61,6 +61,15 @@ public final class Binding implements Caller, AutoCloseable {
     return target.address;
   }
 
+  /** How messages name the object. */
+  String subject(Target at) {
+    return Failures.subject(name, at.address);
+  }
+
+  CallException failure(Target at, Method<?, ?> method, Outcome outcome) {
+    return Failures.ofCall(name, at.address, method, outcome);
+  }
+
   Target target() {
     return target;
   }
@@ -112,19 +121,19 @@ public final class Binding implements Caller, AutoCloseable {
   private <Q> byte[] encode(Method<Q, ?> method, Q request) {
     byte[] payload = method.request().encode(request);
     if (method.isTooLarge(payload.length)) {
-      throw Failures.tooLarge(target.address, method, "request", payload.length, WasRun.NO);
+      throw Failures.tooLarge(subject(target), method, "request", payload.length, WasRun.NO);
     }
     return payload;
   }
 
   <R> R decode(Target from, Method<?, R> method, byte[] payload) {
     if (method.isTooLarge(payload.length)) {
-      throw Failures.tooLarge(from.address, method, "reply", payload.length, WasRun.YES);
+      throw Failures.tooLarge(subject(from), method, "reply", payload.length, WasRun.YES);
     }
     try {
       return method.reply().decode(ByteBuffer.wrap(payload));
     } catch (BadValue e) {
-      throw Failures.malformedReply(from.address, method, e.getMessage());
+      throw Failures.malformedReply(subject(from), method, e.getMessage());
     }
   }
 
@@ -142,7 +151,7 @@ public final class Binding implements Caller, AutoCloseable {
       Target to, CallFuture<R> future, Method<?, R> method, Outcome outcome) {
     if (!outcome.isOk()) {
       onFailure(outcome);
-      future.completeExceptionally(Failures.ofCall(to.address, method, outcome));
+      future.completeExceptionally(failure(to, method, outcome));
     } else if (method.kind() == Kind.RECEIPT) {
       future.complete(null);
     } else {
@@ -175,7 +184,7 @@ public final class Binding implements Caller, AutoCloseable {
             outcome -> ended[0] = outcome));
     // Null while its session is being opened; then it goes when that is done.
     if (ended[0] != null && !ended[0].isOk()) {
-      throw Failures.ofCall(to.address, oneway, ended[0]);
+      throw failure(to, oneway, ended[0]);
     }
   }
 
@@ -201,6 +210,7 @@ public final class Binding implements Caller, AutoCloseable {
     node.loop()
         .locked(
             () -> {
+              checkOpen(to);
               to.link.ping(
                   to.object,
                   deadline,
@@ -211,7 +221,7 @@ public final class Binding implements Caller, AutoCloseable {
     Outcome outcome = Node.await(ended);
     if (!outcome.isOk()) {
       throw new CallException(
-          to.address + ": ping: no answer", outcome.status(), "", WasRun.MAYBE);
+          subject(to) + ": ping: no answer", outcome.status(), "", WasRun.MAYBE);
     }
     return Duration.ofNanos(ClientLoop.now() - begin);
   }
@@ -285,8 +295,9 @@ public final class Binding implements Caller, AutoCloseable {
 
   /** With the loop locked. */
   void checkOpen(Target to) {
+    node.checkOpen();
     if (isClosed) {
-      throw new IllegalStateException(to.address + ": the binding is closed");
+      throw new IllegalStateException(subject(to) + ": the binding is closed: bind it again");
     }
   }
 

@@ -1,6 +1,7 @@
 package org.rtpm;
 
 import java.time.Duration;
+import java.util.Map;
 import org.rtpm.internal.io.ClientLoop;
 import rtpm.device.Description;
 import rtpm.device.DeviceClient;
@@ -21,12 +22,35 @@ public final class Device implements AutoCloseable {
   /** A device grants a lease at most every 100 ms. */
   private static final long ACQUIRE_INTERVAL_MS = 50;
 
+  private static final Map<OutcomeCode, String> MEANINGS =
+      Map.of(
+          OutcomeCode.NOT_HOLDER,
+          "this client does not hold the lease, or no longer; acquire the device again",
+          OutcomeCode.HELD,
+          "another client has the lease; wait until it ends",
+          OutcomeCode.TOO_SOON,
+          "the lease has changed a moment ago; try again in a second",
+          OutcomeCode.NOT_ACTIVE,
+          "the device is not active; call lease.activate(), or wait until it is back",
+          OutcomeCode.SUPERSEDED,
+          "a newer command of this lease came first",
+          OutcomeCode.NOT_FINITE,
+          "the command has a NaN or an infinity; correct it, then call lease.recover()",
+          OutcomeCode.TOO_MANY,
+          "too many commands at once; send them from fewer threads",
+          OutcomeCode.WRONG_MODE,
+          "the device takes no commands of this mode; describe().modes() has those that it takes",
+          OutcomeCode.EMERGENCY_STOP,
+          "an emergency stop is in force; remove its cause, then call lease.rearm()");
+
+  private final String name;
   private final Binding binding;
   private final DeviceClient client;
   private final CallOptions patient;
 
-  private Device(Node node, Binding binding) {
-    this.binding = binding;
+  private Device(Node node, String name) {
+    this.name = name;
+    binding = node.bind(name, DeviceMethods.INTERFACE);
     patient = CallOptions.DEFAULT.withDeadline(node.options().deadline());
     client = new DeviceClient(binding);
   }
@@ -39,7 +63,12 @@ public final class Device implements AutoCloseable {
    * @throws NameException if its name is not bound
    */
   public static Device open(Node node, String name) {
-    return new Device(node, node.bind(name, DeviceMethods.INTERFACE));
+    return new Device(node, name);
+  }
+
+  /** As it was opened. */
+  String name() {
+    return name;
   }
 
   /** All of its methods, without waiting. */
@@ -88,7 +117,9 @@ public final class Device implements AutoCloseable {
     }
   }
 
-  /** Takes the force of the device away at once, until it is rearmed. Needs no lease. */
+  /**
+   * Takes the force of the device away at once, until {@link DeviceLease#rearm}. Needs no lease.
+   */
   public void emergencyStop() {
     expectDone("emergency_stop", Node.await(client.emergencyStop(new Stop(StopScope.DEVICE))));
   }
@@ -100,12 +131,10 @@ public final class Device implements AutoCloseable {
   }
 
   private DeviceException failure(String method, OutcomeCode outcome) {
-    String hint =
-        outcome.equals(OutcomeCode.HELD)
-            ? ": another client has the lease"
-            : outcome.equals(OutcomeCode.EMERGENCY_STOP) ? ": rearm ends the stop" : "";
+    String meaning = MEANINGS.get(outcome);
     return new DeviceException(
-        binding.address() + ": " + method + ": " + outcome + hint, outcome);
+        Printable.of(name) + ": " + method + ": " + (meaning == null ? outcome : meaning),
+        outcome);
   }
 
   /** Gives the device up; leases are to be closed before. */

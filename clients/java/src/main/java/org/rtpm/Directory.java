@@ -28,7 +28,10 @@ import rtpm.names.UnbindRequest;
  */
 public final class Directory implements AutoCloseable {
   private static final int DEFAULT_PORT = 7420;
-  private static final String PATH = "rtpm/names";
+  /** The object that a registry serves. */
+  static final String PATH = "rtpm/names";
+
+  private static final String SCHEME = "rtpm://";
 
   private final Node node;
   private final List<Address> registries = new ArrayList<>();
@@ -40,7 +43,7 @@ public final class Directory implements AutoCloseable {
    * Asks the registries of the node's options; without any, those of the environment variable
    * RTPM_REGISTRY, else the one of this host.
    *
-   * @throws IllegalArgumentException if an address of a registry is malformed
+   * @throws IllegalArgumentException if one of them is malformed; the message has the forms
    */
   public Directory(Node node) {
     this.node = node;
@@ -49,26 +52,39 @@ public final class Directory implements AutoCloseable {
       String environment = System.getenv("RTPM_REGISTRY");
       texts = List.of(environment == null || environment.isBlank() ? "127.0.0.1" : environment);
     }
-    for (String text : texts) {
-      registries.add(addressOf(text));
-      bindings.add(null);
+    for (String list : texts) {
+      // A comma within a URL separates the hosts of one registry.
+      for (String text : list.split(",(?=rtpm://)")) {
+        registries.add(registryAt(text));
+        bindings.add(null);
+      }
     }
   }
 
-  private static Address addressOf(String text) {
-    if (Address.isAddress(text)) {
-      return Address.parse(text);
+  private static Address registryAt(String text) {
+    boolean isUrl = text.startsWith(SCHEME);
+    String[] parts = (isUrl ? text.substring(SCHEME.length()) : text).split("/", 2);
+    String port = parts[0].matches(".*:[0-9]+") ? "" : ":" + DEFAULT_PORT;
+    String path = parts.length == 1 ? PATH : isUrl ? parts[1] : "";
+    Address address = Address.read(SCHEME + parts[0] + port + "/" + path);
+    if (address == null) {
+      throw new IllegalArgumentException(
+          "'" + Printable.of(text) + "' is no registry. Name one, in RTPM_REGISTRY or "
+              + "NodeOptions.withRegistries, as host, host:port, [IPv6]:port or "
+              + "rtpm://host:port/" + PATH);
     }
-    boolean hasPort = text.matches(".*:[0-9]+") && !text.matches("[0-9a-fA-F:]*::[0-9a-fA-F:]*");
-    return Address.parse("rtpm://" + text + (hasPort ? "" : ":" + DEFAULT_PORT) + "/" + PATH);
+    return address;
   }
 
   private interface Question<T> {
     T ask(Binding registry, CallOptions options);
   }
 
+  /** A reply, and the registry that gave it. */
+  private record Answered<T>(T reply, Address registry) {}
+
   // Each registry has an equal part of the time that is left.
-  private synchronized <T> T ask(Duration deadline, Question<T> question) {
+  private synchronized <T> Answered<T> ask(Duration deadline, Question<T> question) {
     long end = Node.after(deadline);
     RtpmException last = null;
     for (int i = 0; i < registries.size(); ++i) {
@@ -84,7 +100,7 @@ public final class Directory implements AutoCloseable {
         }
         T answer = question.ask(registry, CallOptions.DEFAULT.withDeadline(part));
         current = index;
-        return answer;
+        return new Answered<>(answer, registries.get(index));
       } catch (RtpmException e) {
         if (last != null) {
           e.addSuppressed(last);
@@ -107,18 +123,18 @@ public final class Directory implements AutoCloseable {
 
   /** Looks a name up within a deadline. */
   public NameEntry resolve(String name, Duration deadline) {
-    ResolveReply reply =
+    Answered<ResolveReply> answered =
         ask(
             deadline,
             (registry, options) ->
                 registry.invoke(NamesMethods.RESOLVE, new ResolveRequest(name), options));
-    expectDone(name, reply.answer().outcome(), null);
-    return entryOf(reply.entry());
+    expectDone(name, answered, answered.reply().answer().outcome(), null);
+    return entryOf(answered.reply().entry());
   }
 
   /**
-   * The address of a name, or of an object below one: {@code lab/arm0/config} is served where {@code
-   * lab/arm0} is bound.
+   * The address of a name, or of an object below one: {@code lab/arm0/config} is served where
+   * {@code lab/arm0} is bound.
    *
    * @throws NameException as {@link #resolve(String)} does
    */
@@ -198,11 +214,12 @@ public final class Directory implements AutoCloseable {
               .directory(directory.isEmpty() ? null : directory)
               .after(after)
               .build();
-      ListReply reply =
+      Answered<ListReply> answered =
           ask(
               node.options().deadline(),
               (registry, options) -> registry.invoke(NamesMethods.LIST, request, options));
-      expectDone(directory, reply.answer().outcome(), null);
+      ListReply reply = answered.reply();
+      expectDone(directory, answered, reply.answer().outcome(), null);
       List<Entry> entries = reply.entries() == null ? List.of() : reply.entries();
       for (Entry entry : entries) {
         all.add(
@@ -234,22 +251,23 @@ public final class Directory implements AutoCloseable {
             .owner(owner)
             .leaseNs(lease.toNanos())
             .build();
-    BindReply reply =
+    Answered<BindReply> answered =
         ask(
             node.options().deadline(),
             (registry, options) -> registry.invoke(NamesMethods.BIND, request, options));
-    expectDone(name, reply.answer().outcome(), reply.holderUrl());
+    BindReply reply = answered.reply();
+    expectDone(name, answered, reply.answer().outcome(), reply.holderUrl());
     return Duration.ofNanos(reply.leaseNs());
   }
 
   /** Renews the lease; false if the name is not bound any more. */
   boolean renew(String name, OwnerId owner, Duration lease) {
     RenewRequest request = new RenewRequest(name, owner, lease.toNanos());
-    Answer answer =
+    Answered<Answer> answered =
         ask(
             node.options().deadline(),
             (registry, options) -> registry.invoke(NamesMethods.RENEW, request, options));
-    return answer.outcome().equals(OutcomeCode.DONE);
+    return answered.reply().outcome().equals(OutcomeCode.DONE);
   }
 
   /** Removes the own name. */
@@ -260,17 +278,33 @@ public final class Directory implements AutoCloseable {
         (registry, options) -> registry.invoke(NamesMethods.UNBIND, request, options));
   }
 
-  private static void expectDone(String name, OutcomeCode outcome, String holder) {
-    if (outcome.equals(OutcomeCode.DONE)) {
-      return;
+  private static void expectDone(
+      String name, Answered<?> answered, OutcomeCode outcome, String holder) {
+    if (!outcome.equals(OutcomeCode.DONE)) {
+      String registry = "the registry at " + answered.registry().authority();
+      String reason = reason(registry, outcome, holder);
+      throw new NameException("'" + Printable.of(name) + "': " + reason, outcome);
     }
-    String reason =
-        outcome.equals(OutcomeCode.NOT_FOUND)
-            ? "no server has bound this name; `rtpm list` shows those that are bound"
-            : outcome.equals(OutcomeCode.ALREADY_BOUND) && holder != null
-                ? "another server has this name: " + Printable.of(holder)
-                : "the registry answers " + outcome;
-    throw new NameException(Printable.of(name) + ": " + reason, outcome);
+  }
+
+  private static String reason(String registry, OutcomeCode outcome, String holder) {
+    if (outcome.equals(OutcomeCode.NOT_FOUND)) {
+      return "no server has bound this name, says " + registry
+          + ". node.directory().list(\"\") and `rtpm list` show those that are bound";
+    }
+    if (outcome.equals(OutcomeCode.BAD_NAME)) {
+      return "this is no name. A name has 1 to 8 components of letters, digits, '.', '_' and '-', "
+          + "with single slashes between them, such as lab/arm0; each has at most 64 of these, and "
+          + "the whole at most 200 characters";
+    }
+    if (outcome.equals(OutcomeCode.IS_A_DIRECTORY)) {
+      return registry + " has only longer names below this one. "
+          + "node.directory().list(\"\") shows them: name one of these";
+    }
+    if (outcome.equals(OutcomeCode.ALREADY_BOUND) && holder != null) {
+      return "another server has this name: " + Printable.of(holder);
+    }
+    return registry + " answers " + outcome;
   }
 
   /** Gives the bindings to the registries up. */

@@ -2,13 +2,17 @@ package org.rtpm;
 
 import java.time.Duration;
 import java.util.List;
+import java.util.concurrent.CompletableFuture;
+import java.util.concurrent.ExecutionException;
 import java.util.concurrent.Executors;
 import java.util.concurrent.Flow;
 import java.util.concurrent.RejectedExecutionException;
 import java.util.concurrent.ScheduledExecutorService;
 import java.util.concurrent.TimeUnit;
+import java.util.concurrent.TimeoutException;
 import java.util.concurrent.atomic.AtomicLong;
 import java.util.function.Consumer;
+import org.rtpm.internal.io.ClientLoop;
 import rtpm.events.Batch;
 import rtpm.events.DeliveryEntry;
 import rtpm.events.HubClient;
@@ -37,6 +41,8 @@ public final class EventConsumer implements AutoCloseable {
   private final AtomicLong received = new AtomicLong();
   private final AtomicLong lost = new AtomicLong();
   private final AtomicLong malformed = new AtomicLong();
+  /** Completes with the first answer of the hub. */
+  private final CompletableFuture<Void> begun = new CompletableFuture<>();
   private volatile Flow.Subscription stream;
   private volatile long subscription;
   private volatile String trouble = "not subscribed yet";
@@ -70,22 +76,49 @@ public final class EventConsumer implements AutoCloseable {
   }
 
   /**
-   * Subscribes.
+   * Subscribes. Returns when the hub has the subscription, so that no later event is missed; waits
+   * for it as {@link Node#bind(String, org.rtpm.values.Interface)} does.
    *
    * @param hub its name, usually {@code rtpm/events}, or its address
    * @param name of the consumer, for the hub's report
    * @param onEvent gets each event
-   * @throws RtpmException if the hub can't be bound
+   * @throws RtpmException if the hub can't be bound, or does not answer
    * @throws NameException if its name is not bound
+   * @throws IllegalArgumentException if the hub refuses the filter; the message says why
    */
   public static EventConsumer open(
       Node node, String hub, String name, EventFilter filter, Consumer<Event> onEvent) {
     Binding binding = node.bind(hub, HubMethods.INTERFACE);
     EventConsumer opened = new EventConsumer(binding, name, filter, 256, onEvent);
-    opened.subscribe();
+    try {
+      opened.subscribe();
+      opened.awaitBegin(hub, node.bindDeadline());
+    } catch (RuntimeException e) {
+      opened.close();
+      throw e;
+    }
     opened.background.scheduleAtFixedRate(
         opened::note, NOTE_INTERVAL.toMillis(), NOTE_INTERVAL.toMillis(), TimeUnit.MILLISECONDS);
     return opened;
+  }
+
+  private void awaitBegin(String hub, Duration patience) {
+    String begin = Printable.of(hub) + ": subscribe: ";
+    try {
+      begun.get(Node.after(patience) - ClientLoop.now(), TimeUnit.NANOSECONDS);
+    } catch (ExecutionException e) {
+      throw e.getCause() instanceof RuntimeException cause ? cause : new IllegalStateException(e);
+    } catch (TimeoutException e) {
+      throw new CallException(
+          begin + "no answer within " + patience.toMillis() + " ms. Does the hub run?",
+          null,
+          "",
+          WasRun.MAYBE);
+    } catch (InterruptedException e) {
+      Thread.currentThread().interrupt();
+      throw new CallException(
+          begin + "the thread was interrupted", null, "", WasRun.MAYBE);
+    }
   }
 
   private void subscribe() {
@@ -126,9 +159,13 @@ public final class EventConsumer implements AutoCloseable {
       if (welcome != null) {
         subscription = welcome.subscription();
         trouble = "";
+        begun.complete(null);
       }
       if (batch.refusal() != null && !batch.refusal().isEmpty()) {
         trouble = Printable.of(batch.refusal());
+        begun.completeExceptionally(
+            new IllegalArgumentException(
+                binding.subject(binding.target()) + " refuses the subscription: " + trouble));
       }
       if (batch.losses() != null) {
         long now = total(batch.losses());
@@ -173,6 +210,7 @@ public final class EventConsumer implements AutoCloseable {
     @Override
     public void onError(Throwable fault) {
       trouble = String.valueOf(fault.getMessage());
+      begun.completeExceptionally(fault);
       again();
     }
 

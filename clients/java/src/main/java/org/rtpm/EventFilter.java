@@ -77,7 +77,7 @@ public final class EventFilter {
   /**
    * The events of a type in which a number agrees.
    *
-   * @param field with dots, such as {@code force.z_newton}
+   * @param field with dots, such as {@code force_newton.z}
    * @throws IllegalArgumentException if the type has no such number
    */
   public static EventFilter where(

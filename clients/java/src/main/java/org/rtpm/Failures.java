@@ -15,16 +15,34 @@ import org.rtpm.values.Method;
 final class Failures {
   private static final int SIMILAR_COUNT_MAX = 4;
 
+  private static final String OF_REGISTRY =
+      "Start rtpm-registryd there, or name another registry by the environment variable "
+          + "RTPM_REGISTRY or NodeOptions.withRegistries";
+
   private Failures() {}
+
+  /** How messages name an object; its name is null if it was bound by its address. */
+  static String subject(String name, Address address) {
+    if (name != null) {
+      return Printable.of(name) + " at " + address.authority();
+    }
+    return (isRegistry(address) ? "the registry " : "") + address;
+  }
+
+  private static boolean isRegistry(Address address) {
+    return address.path().equals(Directory.PATH);
+  }
 
   static String ofBind(
       Address address, InetSocketAddress server, Interface description, Outcome outcome) {
-    String begin = address + ": bind failed: ";
+    String begin = subject(null, address) + ": bind failed: ";
     String at = server.getAddress().getHostAddress() + ":" + server.getPort();
     return begin
         + switch (outcome.cause()) {
           case DEADLINE, UNREACHABLE, LOST, CLOSED, CANCELLED ->
-              at + " did not answer in time. Does its server run?";
+              at
+                  + " did not answer in time. "
+                  + (isRegistry(address) ? OF_REGISTRY : "Does its server run?");
           case REFUSED ->
               at + " refused the session: " + outcome.status() + hint(outcome.status());
           case NOT_UNDERSTOOD ->
@@ -71,8 +89,9 @@ final class Failures {
     return texts;
   }
 
-  static CallException ofCall(Address address, Method<?, ?> method, Outcome outcome) {
-    String begin = address + ": " + method.name() + ": ";
+  static CallException ofCall(
+      String name, Address address, Method<?, ?> method, Outcome outcome) {
+    String begin = subject(name, address) + ": " + method.name() + ": ";
     WasRun wasRun = outcome.mayHaveRun() ? WasRun.MAYBE : WasRun.NO;
     if (outcome.status() != null) {
       wasRun = outcome.status() == Status.SERVANT_FAILED ? WasRun.YES : wasRun;
@@ -93,25 +112,34 @@ final class Failures {
         };
     // As if the server had refused it.
     Status status = outcome.cause() == Outcome.Cause.TOO_LARGE ? Status.TOO_LARGE : null;
+    boolean isSilent =
+        switch (outcome.cause()) {
+          case DEADLINE, LOST, CLOSED, UNREACHABLE -> true;
+          default -> false;
+        };
     return new CallException(
-        begin + reason + (outcome.mayHaveRun() ? "; it may have run" : "; it did not run"),
+        begin
+            + reason
+            + (outcome.mayHaveRun() ? "; it may have run" : "; it did not run")
+            + (isSilent && isRegistry(address) ? ". " + OF_REGISTRY : ""),
         status,
         "",
         wasRun);
   }
 
-  static CallException malformedReply(Address address, Method<?, ?> method, String reason) {
+  static CallException malformedReply(
+      String subject, Method<?, ?> method, String reason) {
     return new CallException(
-        address + ": " + method.name() + ": the reply is malformed: " + Printable.of(reason),
+        subject + ": " + method.name() + ": the reply is malformed: " + Printable.of(reason),
         Status.OK,
         "",
         WasRun.YES);
   }
 
   static CallException tooLarge(
-      Address address, Method<?, ?> method, String part, int size, WasRun wasRun) {
+      String subject, Method<?, ?> method, String part, int size, WasRun wasRun) {
     return new CallException(
-        address + ": " + method.name() + ": the " + part + " has " + size
+        subject + ": " + method.name() + ": the " + part + " has " + size
             + " bytes, but the schema allows " + method.maxSize(),
         Status.TOO_LARGE,
         "",

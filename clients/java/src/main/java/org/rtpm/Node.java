@@ -99,11 +99,12 @@ public final class Node implements AutoCloseable {
    * bind also loads its classes.
    */
   public Binding bind(String address, Interface description) {
+    return bind(address, description, bindDeadline());
+  }
+
+  Duration bindDeadline() {
     Duration deadline = options.deadline();
-    return bind(
-        address,
-        description,
-        deadline.compareTo(BIND_DEADLINE_MIN) < 0 ? BIND_DEADLINE_MIN : deadline);
+    return deadline.compareTo(BIND_DEADLINE_MIN) < 0 ? BIND_DEADLINE_MIN : deadline;
   }
 
   /**
@@ -111,12 +112,14 @@ public final class Node implements AutoCloseable {
    * interface. Waits for that.
    *
    * @param address a name such as {@code lab/arm0}, which a registry knows and the binding follows,
-   *     one below it such as {@code lab/arm0/config}, or an address such as {@code rtpm://127.0.0.1:7421/lab/arm0}
+   *     one below it such as {@code lab/arm0/config}, or an address such as {@code
+   *     rtpm://127.0.0.1:7421/lab/arm0}
    * @param description the interface, from generated code
    * @param deadline relative
    * @throws BindException if the server can't be reached or has no such object
    * @throws NameException if the name is not bound
    * @throws IllegalArgumentException if the address is malformed
+   * @throws IllegalStateException if the node is closed
    */
   public Binding bind(String address, Interface description, Duration deadline) {
     if (loop.isOwnThread()) {
@@ -165,7 +168,8 @@ public final class Node implements AutoCloseable {
       }
     }
     if (found.isEmpty()) {
-      throw new BindException(address + ": bind failed: no host of it is known", unknown);
+      throw new BindException(
+          Failures.subject(null, address) + ": bind failed: no host of it is known", unknown);
     }
     return new ArrayList<>(found);
   }
@@ -216,8 +220,15 @@ public final class Node implements AutoCloseable {
     }
   }
 
+  void checkOpen() {
+    if (loop.isClosed()) {
+      throw new IllegalStateException("the node is closed: open another one by Node.open");
+    }
+  }
+
   // With the loop locked.
   private ServerLink use(Address address, InetSocketAddress server) {
+    checkOpen();
     Shared shared = links.computeIfAbsent(server, key -> new Shared(openLink(address, key)));
     ++shared.useCount;
     return shared.link;

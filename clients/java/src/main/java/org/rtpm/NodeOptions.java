@@ -22,8 +22,9 @@ import java.util.Objects;
  * @param serverKeys of servers, by {@code host:port}, {@code [IPv6]:port} or {@code host}; where
  *     one is known, sessions are sealed, and no others are opened
  * @param presharedKey 32 bytes that both sides are configured with; null: none
- * @param registries where names are looked up, such as {@code 127.0.0.1:7420}; each is asked until
- *     one answers. Empty: the environment variable RTPM_REGISTRY, else this host
+ * @param registries where names are looked up: {@code host}, {@code host:port}, {@code
+ *     [IPv6]:port} or {@code rtpm://host:port/rtpm/names}, by default at port 7420; each is asked
+ *     until one answers. Empty: those of the environment variable RTPM_REGISTRY, else this host
  */
 public record NodeOptions(
     Transport transport,

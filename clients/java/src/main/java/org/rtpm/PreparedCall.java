@@ -139,7 +139,7 @@ public final class PreparedCall {
   private void finish(Outcome ended) {
     if (!ended.isOk()) {
       binding.onFailure(ended);
-      throw Failures.ofCall(to.address(), method, ended);
+      throw binding.failure(to, method, ended);
     }
     byte[] payload = ended.payload();
     if (payload == replyBytes) {
@@ -147,7 +147,7 @@ public final class PreparedCall {
     }
     if (payload.length != replyBytes.length) {
       throw Failures.malformedReply(
-          to.address(),
+          binding.subject(to),
           method,
           "it has " + payload.length + " bytes, not " + replyBytes.length);
     }

@@ -107,7 +107,7 @@ public final class Registration implements AutoCloseable {
     try {
       renewer.awaitTermination(1, TimeUnit.SECONDS);
       directory.unbind(name, owner);
-    } catch (RtpmException e) {
+    } catch (RtpmException | IllegalStateException e) {
       // Then the lease ends by itself.
       trouble = e.getMessage();
     } catch (InterruptedException e) {

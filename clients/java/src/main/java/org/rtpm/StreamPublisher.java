@@ -203,7 +203,7 @@ final class StreamPublisher<R> implements Flow.Publisher<R> {
         reader.onComplete();
       } else {
         binding.onFailure(end);
-        reader.onError(Failures.ofCall(to.address(), method, end));
+        reader.onError(binding.failure(to, method, end));
       }
     }
   }

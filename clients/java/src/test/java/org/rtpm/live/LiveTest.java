@@ -2,14 +2,17 @@ package org.rtpm.live;
 
 import static org.junit.jupiter.api.Assertions.assertArrayEquals;
 import static org.junit.jupiter.api.Assertions.assertEquals;
+import static org.junit.jupiter.api.Assertions.assertFalse;
 import static org.junit.jupiter.api.Assertions.assertThrows;
 import static org.junit.jupiter.api.Assertions.assertTrue;
 
 import java.nio.ByteBuffer;
 import java.nio.file.Path;
 import java.time.Duration;
+import java.util.EnumSet;
 import java.util.List;
 import java.util.Map;
+import java.util.Set;
 import java.util.concurrent.BlockingQueue;
 import java.util.concurrent.LinkedBlockingQueue;
 import java.util.concurrent.TimeUnit;
@@ -30,6 +33,8 @@ import org.rtpm.Event;
 import org.rtpm.EventConsumer;
 import org.rtpm.EventFilter;
 import org.rtpm.EventSupplier;
+import org.rtpm.Fault;
+import org.rtpm.Lifecycle;
 import org.rtpm.NameException;
 import org.rtpm.Node;
 import org.rtpm.NodeOptions;
@@ -308,9 +313,14 @@ class LiveTest {
                 EventConsumer.open(node, "rtpm/events", "test", later, some::add);
             EventSupplier supplier =
                 EventSupplier.open(node, "rtpm/events", "test", Trial.EVENT)) {
-          while (!consumer.trouble().isEmpty()) {
-            Thread.sleep(5);
-          }
+          assertEquals("", consumer.trouble());
+          IllegalArgumentException refused =
+              assertThrows(
+                  IllegalArgumentException.class,
+                  () ->
+                      EventConsumer.open(
+                          node, "rtpm/events", "test", EventFilter.all(), some::add));
+          assertTrue(refused.getMessage().contains("no children"), refused.getMessage());
           for (int i = 3; i < 8; ++i) {
             supplier.push(Trial.EVENT, 9, trial(i));
           }
@@ -337,10 +347,10 @@ class LiveTest {
   }
 
   // A command has 10 ms, which a busy machine may take for itself.
-  private static void push(DeviceLease lease, Vector3 force) {
+  static void patiently(Runnable command) {
     for (int i = 0; i < 50; ++i) {
       try {
-        lease.force(force, Duration.ofMillis(20));
+        command.run();
         return;
       } catch (CallException e) {
         assertTrue(e.status().isEmpty() || e.status().get() == Status.EXPIRED, e.getMessage());
@@ -349,17 +359,8 @@ class LiveTest {
     throw new AssertionError("no command arrived in time");
   }
 
-  // The device takes the rearming up in its next cycle.
-  private static void pushOnceArmed(DeviceLease lease, Vector3 force) throws Exception {
-    while (true) {
-      try {
-        push(lease, force);
-        return;
-      } catch (DeviceException e) {
-        assertEquals(rtpm.device.OutcomeCode.EMERGENCY_STOP, e.outcome());
-        Thread.sleep(5);
-      }
-    }
+  private static void push(DeviceLease lease, Vector3 force) {
+    patiently(() -> lease.force(force, Duration.ofMillis(20)));
   }
 
   @Test
@@ -390,7 +391,7 @@ class LiveTest {
                 assertThrows(DeviceException.class, () -> push(lease, down));
             assertEquals(rtpm.device.OutcomeCode.EMERGENCY_STOP, stopped.outcome());
             lease.rearm();
-            pushOnceArmed(lease, down);
+            push(lease, down);
             assertEquals("", lease.trouble());
           }
           try (DeviceLease lease = same.acquire(Duration.ofSeconds(2))) {
@@ -401,5 +402,90 @@ class LiveTest {
         }
       }
     }
+  }
+
+  @Test
+  void latchesAreGoneWhenTheirCallsReturn() throws Exception {
+    try (Program registry = registry()) {
+      String url = registry.address();
+      try (Program devices =
+              Program.start(
+                  home, "rtpm-deviced", "--registry", url, "--events", "none", "--stops", "none");
+          Node node =
+              Node.open(
+                  NodeOptions.DEFAULT.withRegistries(url).withDeadline(Duration.ofSeconds(5)));
+          Device arm = deviceOf(devices, node)) {
+        Vector3 broken = new Vector3(Double.NaN, 0, 0);
+        for (int i = 0; i < 10; ++i) {
+          DeviceLease lease = arm.acquire(Duration.ofSeconds(2));
+          DeviceException refused =
+              assertThrows(DeviceException.class, () -> push(lease, broken));
+          assertEquals(rtpm.device.OutcomeCode.NOT_FINITE, refused.outcome());
+          awaitFault(arm, Fault.COMMAND_NOT_FINITE);
+          lease.recover();
+          assertFalse(faults(arm).contains(Fault.COMMAND_NOT_FINITE));
+          lease.deactivate();
+          assertEquals(Lifecycle.INACTIVE, Lifecycle.of(arm.read().lifecycle()));
+          lease.activate();
+          assertEquals(Lifecycle.ACTIVE, Lifecycle.of(arm.read().lifecycle()));
+          arm.emergencyStop();
+          lease.rearm();
+          // The end of the lease would undo what the device has not taken up.
+          lease.close();
+          assertFalse(faults(arm).contains(Fault.EMERGENCY_STOP));
+        }
+      }
+    }
+  }
+
+  @Test
+  void filtersShowInFaultsOnly() throws Exception {
+    try (Program registry = registry()) {
+      String url = registry.address();
+      try (Program devices =
+              Program.start(
+                  home, "rtpm-deviced", "--registry", url, "--events", "none", "--stops", "none");
+          Node node =
+              Node.open(
+                  NodeOptions.DEFAULT.withRegistries(url).withDeadline(Duration.ofSeconds(5)));
+          Device arm = deviceOf(devices, node);
+          DeviceLease lease = arm.acquire(Duration.ofSeconds(2))) {
+        Vector3 tooMuch = new Vector3(0, 0, 1000);
+        assertTrue(seen(arm, lease, tooMuch).contains(Fault.FORCE_CLAMPED));
+        assertTrue(arm.read().forceNewton().z() <= arm.describe().forceNewtonMax());
+        assertThrows(
+            DeviceException.class, () -> push(lease, new Vector3(0, Double.NaN, 0)));
+        // A newer command within the same cycle would replace it.
+        awaitFault(arm, Fault.COMMAND_NOT_FINITE);
+        assertTrue(seen(arm, lease, new Vector3(0, 0, 1)).contains(Fault.COMMAND_NOT_FINITE));
+        assertEquals(new Vector3(0, 0, 0), arm.read().forceNewton());
+      }
+    }
+  }
+
+  private static Device deviceOf(Program devices, Node node) throws Exception {
+    devices.address();
+    return Device.open(node, "lab/arm0");
+  }
+
+  private static void awaitFault(Device arm, Fault fault) throws Exception {
+    while (!faults(arm).contains(fault)) {
+      Thread.sleep(1);
+    }
+  }
+
+  private static Set<Fault> faults(Device arm) {
+    return Fault.of(arm.read().faults());
+  }
+
+  // A hold above the device's limit is no error.
+  private static Set<Fault> seen(Device arm, DeviceLease lease, Vector3 force) throws Exception {
+    Set<Fault> all = EnumSet.noneOf(Fault.class);
+    for (int i = 0; i < 20; ++i) {
+      patiently(() -> lease.force(force, Duration.ofSeconds(10)));
+      Thread.sleep(5);
+      all.addAll(faults(arm));
+    }
+    return all;
   }
 }

@@ -72,6 +72,11 @@ public final class ClientLoop implements AutoCloseable {
     return System.nanoTime();
   }
 
+  /** Whether it was closed: then no link may send. */
+  public boolean isClosed() {
+    return isClosed;
+  }
+
   /** Whether this is the thread that reads: it must not wait for an answer. */
   public boolean isOwnThread() {
     return Thread.currentThread() == thread;
