@@ -1,6 +1,7 @@
 // Logs a session: the samples of devices and the events of the hub, one line of JSON each.
 //   node log_session.js FILE.jsonl [--seconds N] [--device NAME]…
-// Without --device all devices of the registry. Ctrl-C ends it. Times are nanoseconds, as text.
+// Without --device all devices of the registry. Ctrl-C ends it. Times are nanoseconds, as text; the
+// payloads of events are hexadecimal. It exits with 1 if a device could not be logged.
 import { once } from "node:events";
 import { createWriteStream } from "node:fs";
 import { finished } from "node:stream/promises";
@@ -8,14 +9,24 @@ import { parseArgs } from "node:util";
 import { Device, EventConsumer, Node } from "rtpm";
 import { DeviceInterface } from "rtpm/idl/device";
 
-const { values, positionals } = parseArgs({
-  allowPositionals: true,
-  options: { seconds: { type: "string" }, device: { type: "string", multiple: true } },
-});
-if (positionals.length !== 1) {
-  console.error("usage: node log_session.js FILE.jsonl [--seconds N] [--device NAME]…");
+function refuse(why) {
+  console.error(`${why}\nusage: node log_session.js FILE.jsonl [--seconds N] [--device NAME]…`);
   process.exit(2);
 }
+
+function readArguments() {
+  const options = { seconds: { type: "string" }, device: { type: "string", multiple: true } };
+  try {
+    return parseArgs({ allowPositionals: true, options });
+  } catch (error) {
+    return refuse(error.message);
+  }
+}
+
+const { values, positionals } = readArguments();
+if (positionals.length !== 1) refuse(`one file is needed, not ${positionals.length}`);
+const seconds = Number(values.seconds ?? Infinity);
+if (!(seconds > 0)) refuse(`--seconds takes a number above 0, not "${values.seconds}"`);
 
 const file = createWriteStream(positionals[0]);
 await once(file, "open");
@@ -23,7 +34,7 @@ const node = new Node();
 const end = new AbortController();
 process.once("SIGINT", () => end.abort());
 file.once("error", (error) => end.abort(error));
-if (values.seconds !== undefined) setTimeout(() => end.abort(), 1000 * Number(values.seconds));
+if (seconds < Infinity) setTimeout(() => end.abort(), 1000 * seconds).unref();
 
 const counts = {};
 const asJson = (_, value) =>
@@ -47,13 +58,18 @@ async function logDevice(name) {
 async function logEvents() {
   const options = { name: "log_session", signal: end.signal };
   const events = await EventConsumer.open(node, "rtpm/events", options);
-  for await (const event of events) await log("events", { event });
+  for await (const event of events) {
+    const payload = Buffer.from(event.payload).toString("hex");
+    await log("events", { event: { ...event, payload } });
+  }
 }
 
 /** One source that fails is told of, and does not end the others. */
 async function follow(what, run) {
   await run(what).catch((error) => {
-    if (!end.signal.aborted) console.error(`${what}: ${error.message}`);
+    if (end.signal.aborted) return;
+    console.error(`${what}: ${error.message}`);
+    if (run === logDevice) process.exitCode = 1;
   });
 }
 

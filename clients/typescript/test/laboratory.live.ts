@@ -1,6 +1,8 @@
 import assert from "node:assert/strict";
+import { execFile } from "node:child_process";
 import { after, before, describe, test } from "node:test";
 import { setTimeout as sleep } from "node:timers/promises";
+import { promisify } from "node:util";
 import {
   ConfigurationClient,
   ConfigurationInterface,
@@ -8,6 +10,7 @@ import {
   Setting,
   Value,
 } from "../idl/configuration.rtpm.js";
+import { CommandMode } from "../idl/device.rtpm.js";
 import { HubClient, HubInterface } from "../idl/events.rtpm.js";
 import { MeasuredEvent, type Measured } from "../idl/tests/interop.rtpm.js";
 import {
@@ -16,8 +19,10 @@ import {
   EventConsumer,
   EventFilter,
   EventSupplier,
+  Fault,
+  Lifecycle,
   Node,
-  type DeviceLease,
+  faultNames,
   type EventType,
   type HubEvent,
 } from "../src/index.js";
@@ -159,18 +164,6 @@ describe("a laboratory of RTPM's programs", { skip: programFolder === undefined 
     }
   });
 
-  // The device takes a rearming up in its next cycle.
-  async function pushOnceArmed(lease: DeviceLease): Promise<void> {
-    for (;;) {
-      try {
-        return await lease.force({ x: 0, y: 0, z: -1 }, 20, patient);
-      } catch (error) {
-        if (!refusedAs("EmergencyStop")(error)) throw error;
-        await sleep(5);
-      }
-    }
-  }
-
   test("one client at a time commands a device", async () => {
     const arm = await Device.open(node, "lab/arm0");
     const same = await Device.open(other, "lab/arm0");
@@ -179,10 +172,13 @@ describe("a laboratory of RTPM's programs", { skip: programFolder === undefined 
       await using lease = await arm.acquire({ patienceMs: 1000 });
       await lease.force(down, 20, patient);
       await assert.rejects(same.acquire({ patienceMs: 200 }), refusedAs("Held"));
+      await assert.rejects(same.acquire(), /patienceMs/);
+      const wrong = lease.command({ mode: CommandMode.JointEffort }, 20, patient);
+      await assert.rejects(wrong, /see description\.modes/);
       await same.emergencyStop();
       await assert.rejects(lease.force(down, 20, patient), refusedAs("EmergencyStop"));
       await lease.rearm();
-      await pushOnceArmed(lease);
+      await lease.force(down, 20, patient);
       assert.equal(lease.trouble, "");
       await assert.rejects(lease.force(down, 0), RangeError);
     }
@@ -207,6 +203,64 @@ describe("a laboratory of RTPM's programs", { skip: programFolder === undefined 
       if (!isThere && seen.includes(true)) break;
     }
     assert.ok(seen.includes(true));
+  });
+
+  test("rearm() and recover() resolve when the device shows it", async () => {
+    const arm = await Device.open(node, "lab/arm0");
+    await using lease = await arm.acquire({ patienceMs: 2000 });
+    for (let i = 0; i < 5; i += 1) {
+      await arm.emergencyStop();
+      await lease.rearm();
+      assert.equal((await arm.read()).faults & Fault.EmergencyStop, 0);
+      await lease.recover();
+      assert.equal((await arm.read()).faults & Fault.EmergencyStop, 0);
+    }
+    const nothing = { x: NaN, y: 0, z: 0 };
+    await assert.rejects(lease.force(nothing, 20, patient), refusedAs("NotFinite"));
+    await sleep(20);
+    await lease.force({ x: 1, y: 0, z: 0 }, 20, patient); // resolves, and has no effect
+    const { faults, forceNewton } = await arm.read();
+    assert.ok(faultNames(faults).includes("CommandNotFinite"));
+    assert.equal(forceNewton.x, 0);
+    await lease.recover();
+    assert.equal((await arm.read()).faults & Fault.CommandNotFinite, 0);
+    await lease.deactivate();
+    assert.equal((await arm.read()).lifecycle, Lifecycle.Inactive);
+    await lease.activate();
+    assert.equal((await arm.read()).lifecycle, Lifecycle.Active);
+  });
+
+  // A program of its own, as a process that does not end is what this is about.
+  const endsAfter = async (use: string): Promise<unknown> => {
+    const url = new URL("../src/index.js", import.meta.url);
+    const program = `
+      import { Device, EventConsumer, Node } from "${url.href}";
+      const node = new Node({ registries: ["${registry}"], deadlineMs: 5000 });
+      ${use}`;
+    const args = ["--input-type=module", "--eval", program];
+    const { stdout } = await promisify(execFile)(process.execPath, args, { timeout: 20_000 });
+    return JSON.parse(stdout);
+  };
+
+  test("close() of a node ends its leases, and then the process ends", async () => {
+    const use = `
+      const arm = await Device.open(node, "lab/arm0");
+      const lease = await arm.acquire({ patienceMs: 2000 });
+      await node.close();
+      console.log(lease.signal.aborted);`;
+    assert.equal(await endsAfter(use), true);
+    const arm = await Device.open(node, "lab/arm0");
+    await using lease = await arm.acquire({ patienceMs: 500 }); // it was released
+    assert.ok(!lease.signal.aborted);
+  });
+
+  test("close() of a node ends its consumers' loops, and then the process ends", async () => {
+    const use = `
+      const consumer = await EventConsumer.open(node, "rtpm/events");
+      setTimeout(() => node.close(), 100);
+      for await (const event of consumer);
+      console.log(JSON.stringify(consumer.trouble));`;
+    assert.equal(await endsAfter(use), "closed");
   });
 
   test("a lease that ended aborts its signal", async () => {

@@ -76,10 +76,18 @@ describe("beside RTPM's programs", { skip: programFolder === undefined }, () => 
         (await node.names.list("lab")).map((entry) => entry.name),
         ["lab/arm0"],
       );
-      const missing = node.names.resolve("lab/nothing");
-      await assert.rejects(missing, (error) => {
-        return error instanceof NameError && error.outcome === "NotFound";
-      });
+      const refused = (name: string, outcome: string, words: RegExp): Promise<void> =>
+        assert.rejects(node.names.resolve(name), (error) => {
+          assert.ok(error instanceof NameError);
+          assert.equal(error.outcome, outcome);
+          assert.match(error.message, words);
+          return true;
+        });
+      const unbound = `^lab/nothing: no server has bound this name at .* ${registry};.*names.list`;
+      await refused("lab/nothing", "NotFound", new RegExp(unbound));
+      await refused("lab", "IsADirectory", /^lab: it is a directory .*names\.list\("lab"\)/);
+      await refused("lab/arm0/config", "NotADirectory", /a name above it is bound/);
+      await refused("a/b/c/d/e/f/g/h/i", "BadName", /1 to 8 parts/);
       const names = new NamesClient(await node.bind(registry, NamesInterface));
       const seen: string[] = [];
       const server = await serveArm(1);
@@ -147,10 +155,14 @@ describe("beside RTPM's programs", { skip: programFolder === undefined }, () => 
     await sleep(900);
     assert.equal((await node.names.resolve("live/lease")).url, url);
     const other = node.names.bindName("live/lease", url, ArmPart, { leaseMs: 300 });
-    const held = assert.rejects(other, /AlreadyBound/);
-    await held;
+    await assert.rejects(other, (error) => {
+      assert.ok(error instanceof NameError);
+      assert.equal(error.outcome, "AlreadyBound");
+      assert.ok(error.message.includes(`bound this name to ${url}`), error.message);
+      return true;
+    });
     await kept.close();
-    await assert.rejects(node.names.resolve("live/lease"), /NotFound/);
+    await assert.rejects(node.names.resolve("live/lease"), { outcome: "NotFound" });
   });
 
   test("a binding follows its name to another server", async () => {

@@ -22,7 +22,11 @@ export class Node extends CallingNode {
   private readonly gateway: URL;
 
   constructor(options: NodeOptions = {}) {
-    const registries = [`rtpm://${names}:${defaultPort}/rtpm/names`];
+    const registries = {
+      addresses: [`rtpm://${names}:${defaultPort}/rtpm/names`],
+      name: "of the console",
+      remedy: "start rtpm-registryd where rtpm-console looks for it, and state the right token",
+    };
     super({ ...options, registries }, pageClock, 0n);
     this.gateway = gatewayOf(options);
   }

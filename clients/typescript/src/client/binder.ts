@@ -10,6 +10,13 @@ export interface Binder {
   readonly clock: Clock;
   /** The domain of that clock (hp-4.1-7); 0n: unknown. @internal */
   readonly clockDomain: bigint;
+  /** Closes something with the node; the function ends that. @internal */
+  own(one: Owned): () => void;
+}
+
+/** Something that a node closes when it is closed. */
+export interface Owned {
+  close(): Promise<void>;
 }
 
 /** Waits on a clock. @throws the signal's reason */

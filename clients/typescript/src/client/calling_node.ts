@@ -4,9 +4,9 @@ import { isValidPath, parseUrl, urlText, type Url } from "../core/url.js";
 import type { SealedClientConfig } from "../sealed/client.js";
 import type { CallOptions } from "../values/caller.js";
 import type { Interface } from "../values/method.js";
-import type { Binder } from "./binder.js";
+import type { Binder, Owned } from "./binder.js";
 import { Binding, type Place } from "./binding.js";
-import { Directory, type BindAt } from "./directory.js";
+import { Directory, type BindAt, type Registries } from "./directory.js";
 import { CallError } from "./errors.js";
 import { ServerLink } from "./server_link.js";
 import type { Clock, Route } from "./transport.js";
@@ -39,13 +39,15 @@ export abstract class CallingNode implements Binder, AsyncDisposable {
   /** The names of the node's registries. */
   readonly names: Directory;
   private readonly links = new Map<string, ServerLink>();
+  private readonly owned = new Set<Owned>();
   private readonly epoch = randomNumber();
   private channelCount = 0n;
+  private isClosing = false;
   private isClosed = false;
 
   /** @internal */
   protected constructor(
-    private readonly calling: CallingOptions & { readonly registries: readonly string[] },
+    private readonly calling: CallingOptions & { readonly registries: Registries },
     /** @internal */
     readonly clock: Clock,
     /** @internal */
@@ -104,8 +106,20 @@ export abstract class CallingNode implements Binder, AsyncDisposable {
     throw failure ?? new CallError("unreachable", urlText(url), "its name has no address", false);
   }
 
-  /** Unbinds the names that it keeps, and closes all sessions; open calls fail with `closed`. */
+  /** @internal */
+  own(one: Owned): () => void {
+    this.owned.add(one);
+    if (this.isClosing) queueMicrotask(() => void one.close());
+    return () => this.owned.delete(one);
+  }
+
+  /**
+   * Closes its leases of devices and its consumers of events, unbinds the names that it keeps, and
+   * closes all sessions; open calls fail with `closed`. Without it the process does not end.
+   */
   async close(): Promise<void> {
+    this.isClosing = true;
+    await Promise.all([...this.owned].map((one) => one.close()));
     await this.names.close();
     this.isClosed = true;
     for (const link of this.links.values()) link.close();

@@ -10,7 +10,7 @@ import {
 import { millisecond } from "../core/numbers.js";
 import type { CallOptions, Caller } from "../values/caller.js";
 import type { Interface } from "../values/method.js";
-import { CallError } from "./errors.js";
+import { CallError, type CallErrorCode } from "./errors.js";
 import type { Clock } from "./transport.js";
 
 /** Binds an object at a registry's address. */
@@ -27,10 +27,9 @@ export class NameError extends Error {
   constructor(
     /** A name of OutcomeCode, "AlreadyBound". */
     readonly outcome: string,
-    name: string,
-    detail = "",
+    detail: string,
   ) {
-    super(`${name}: the registry says ${outcome}${detail}`);
+    super(detail);
   }
 }
 
@@ -38,8 +37,21 @@ const outcomeNames = new Map<number, string>(
   Object.entries(OutcomeCode).map(([name, code]) => [code, name]),
 );
 
-function errorOf(outcome: number, name: string, detail = ""): NameError {
-  return new NameError(outcomeNames.get(outcome) ?? `outcome ${outcome}`, name, detail);
+const signsOfNoRegistry = new Set<CallErrorCode>([
+  "unreachable",
+  "timeout",
+  "disconnected",
+  "closed",
+]);
+
+/** Where names are looked up. */
+export interface Registries {
+  /** Registries that share their names, each asked when the one before does not answer. */
+  readonly addresses: readonly string[];
+  /** Stands for their addresses in messages. */
+  readonly name?: string;
+  /** For messages: how to get one that answers. */
+  readonly remedy: string;
 }
 
 export interface BindNameOptions {
@@ -56,14 +68,15 @@ export class Directory {
   private readonly clients: (NamesClient | undefined)[];
   private current = 0; // the registry that answered last
   private readonly registrations = new Set<Registration>();
+  private isClosed = false;
 
-  /** @param registries  addresses of registries, each asked when the one before does not answer */
+  /** @internal */
   constructor(
-    private readonly registries: readonly string[],
+    private readonly registries: Registries,
     private readonly bindAt: BindAt,
     private readonly clock: Clock,
   ) {
-    this.clients = registries.map(() => undefined);
+    this.clients = registries.addresses.map(() => undefined);
   }
 
   /** The entry of a name. @throws NameError, NotFound if it is not bound */
@@ -71,7 +84,7 @@ export class Directory {
     const reply = await this.ask((names, inner) => names.resolve({ name }, inner), options);
     const { answer, entry } = reply;
     if (answer.outcome !== OutcomeCode.Done || entry === undefined) {
-      throw errorOf(answer.outcome, name);
+      throw this.errorOf(answer.outcome, name);
     }
     return entry;
   }
@@ -98,7 +111,8 @@ export class Directory {
     for (;;) {
       const request = ListRequest.of({ directory, after: entries.at(-1)?.name ?? "" });
       const reply = await this.ask((names, inner) => names.list(request, inner), options);
-      if (reply.answer.outcome !== OutcomeCode.Done) throw errorOf(reply.answer.outcome, directory);
+      const { outcome } = reply.answer;
+      if (outcome !== OutcomeCode.Done) throw this.errorOf(outcome, directory);
       entries.push(...reply.entries);
       if (reply.isLast || reply.entries.length === 0) return entries;
     }
@@ -131,6 +145,7 @@ export class Directory {
   /** Closes all registrations. @internal */
   async close(): Promise<void> {
     await Promise.all([...this.registrations].map((one) => one.close()));
+    this.isClosed = true;
   }
   /** @internal */
   forget(registration: Registration): void {
@@ -143,27 +158,63 @@ export class Directory {
     options: CallOptions,
   ): Promise<R> {
     const end = this.clock.now() + (options.deadlineMs ?? 1000) * millisecond;
-    let failure: unknown;
-    for (let tried = 0; tried < this.registries.length; tried += 1) {
+    let failure: CallError | undefined;
+    const { addresses } = this.registries;
+    for (let tried = 0; tried < addresses.length; tried += 1) {
       const index = this.current;
       const left = (end - this.clock.now()) / millisecond;
-      const inner = { ...options, deadlineMs: left / (this.registries.length - tried) };
+      const inner = { ...options, deadlineMs: left / (addresses.length - tried) };
       try {
         const names = await this.clientOf(index, inner);
         return await call(names, inner);
       } catch (error) {
         if (!(error instanceof CallError)) throw error;
         failure = error;
-        this.current = (index + 1) % this.registries.length;
+        this.current = (index + 1) % addresses.length;
       }
     }
-    throw failure ?? new CallError("unreachable", "names", "no registry is configured", false);
+    throw this.isClosed && failure !== undefined ? failure : this.unanswered(failure);
+  }
+
+  private unanswered(failure: CallError | undefined): CallError {
+    const { addresses, name = addresses.join(" or "), remedy } = this.registries;
+    if (failure === undefined) {
+      return new CallError("unreachable", "names", `no registry is stated: ${remedy}`, false);
+    }
+    if (!signsOfNoRegistry.has(failure.code)) return failure;
+    const detail = `it does not answer (${failure.message}). Remedy: ${remedy}`;
+    return new CallError(failure.code, `the registry ${name}`, detail, failure.wasRun);
+  }
+
+  /** @internal */
+  errorOf(outcome: number, name: string, holder = ""): NameError {
+    const registry = this.registries.name ?? this.registries.addresses[this.current];
+    const words: Partial<Record<number, string>> = {
+      [OutcomeCode.NotFound]:
+        `no server has bound this name at the registry ${registry}; ` +
+        "node.names.list() shows the names that are bound",
+      [OutcomeCode.BadName]:
+        'it is no name: one has 1 to 8 parts with "/" between, each 1 to 64 of ' +
+        "A-Z a-z 0-9 . _ -, and at most 200 bytes",
+      [OutcomeCode.IsADirectory]:
+        "it is a directory of names and leads to no object; " +
+        `node.names.list("${name}") shows the names below it`,
+      [OutcomeCode.NotADirectory]:
+        "a name above it is bound, so that this one cannot be; " +
+        "node.bind() finds the objects below a name",
+      [OutcomeCode.AlreadyBound]:
+        `another server has bound this name to ${holder}; end that server, choose another name, ` +
+        "or state allowTakeover",
+    };
+    const outcomeName = outcomeNames.get(outcome) ?? `outcome ${outcome}`;
+    const detail = words[outcome] ?? `the registry ${registry} refuses it: ${outcomeName}`;
+    return new NameError(outcomeName, `${name}: ${detail}`);
   }
 
   private async clientOf(index: number, options: CallOptions): Promise<NamesClient> {
     const known = this.clients[index];
     if (known !== undefined) return known;
-    const caller = await this.bindAt(this.registries[index]!, NamesInterface, options);
+    const caller = await this.bindAt(this.registries.addresses[index]!, NamesInterface, options);
     const client = new NamesClient(caller);
     this.clients[index] = client;
     return client;
@@ -257,7 +308,7 @@ export class Registration implements AsyncDisposable {
       {},
     );
     if (answer.outcome === OutcomeCode.Done) return;
-    throw errorOf(answer.outcome, name, holderUrl === "" ? "" : `; it leads to ${holderUrl}`);
+    throw this.directory.errorOf(answer.outcome, name, holderUrl);
   }
 
   private renewLater(): void {

@@ -7,6 +7,7 @@ export { CallError, type CallErrorCode } from "./errors.js";
 export type { StatusName } from "../core/numbers.js";
 export { parseUrl, type Url } from "../core/url.js";
 export { Device, DeviceError, type AcquireOptions, type SampleOptions } from "../devices/device.js";
+export { Fault, Lifecycle, faultNames, lifecycleName } from "../devices/fault.js";
 export { DeviceLease, type CommandFields } from "../devices/lease.js";
 export { EventConsumer, type EventConsumerOptions } from "../events/consumer.js";
 export { HubEvent } from "../events/event.js";

@@ -1,4 +1,5 @@
-import { pathSizeMax } from "./numbers.js";
+import { printable } from "./bytes.js";
+import { defaultPort, pathSizeMax } from "./numbers.js";
 
 /** An object's address (spec/hprotocol.md, section 10). */
 export interface Url {
@@ -83,4 +84,31 @@ export function hostInUrl(host: string): string {
 
 export function urlText(url: Url): string {
   return `${scheme}${url.hosts.map(hostInUrl).join(",")}:${url.port}/${url.path}`;
+}
+
+const registryPath = "rtpm/names";
+
+/**
+ * The addresses of registries in a text such as RTPM_REGISTRY, with `,rtpm://` between two of them.
+ * @throws RangeError for a text of another form
+ */
+export function registryAddresses(text: string): string[] {
+  return text.split(/,(?=rtpm:)/).map(registryAddress);
+}
+
+function registryAddress(text: string): string {
+  const isUrl = text.startsWith(scheme);
+  const rest = isUrl ? text.slice(scheme.length) : text;
+  const slash = isUrl ? rest.indexOf("/") : -1;
+  const place = slash < 0 ? rest : rest.slice(0, slash);
+  const authority = isIpv6(place) ? `[${place}]` : place;
+  const withPort = /:\d+$/.test(authority) ? authority : `${authority}:${defaultPort}`;
+  const path = slash < 0 ? registryPath : rest.slice(slash + 1);
+  const address = `${scheme}${withPort}/${path}`;
+  if (parseUrl(address) !== undefined) return address;
+  throw new RangeError(
+    `"${printable(text)}" is no address of a registry, in RTPM_REGISTRY or \`registries\`: state ` +
+      "host, host:port, [ipv6]:port, rtpm://host, rtpm://host:port or " +
+      `rtpm://host:port/${registryPath}`,
+  );
 }

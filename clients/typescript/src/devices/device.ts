@@ -30,10 +30,11 @@ const outcomeNames = new Map<number, string>(
 );
 const remedies = new Map<number, string>([
   [OutcomeCode.NotHolder, ": the lease has ended; acquire it again"],
-  [OutcomeCode.Held, ": another client has the lease"],
+  [OutcomeCode.Held, ": another client has the lease; acquire({ patienceMs }) waits for it"],
   [OutcomeCode.EmergencyStop, ": rearm() ends the stop"],
   [OutcomeCode.NotActive, ": activate() makes it active"],
-  [OutcomeCode.NotFinite, ": recover() ends the fault"],
+  [OutcomeCode.NotFinite, ": the force is off until recover()"],
+  [OutcomeCode.WrongMode, ": the device does not have this mode; see description.modes"],
 ]);
 
 export interface AcquireOptions {
@@ -103,7 +104,7 @@ export class Device {
   }
 
   /**
-   * Acquires the right to command the device. Until the lease is closed it is renewed.
+   * Acquires the right to command the device. Until the lease or its node is closed it is renewed.
    * @throws DeviceError, Held if another client kept it
    */
   async acquire(options: AcquireOptions = {}): Promise<DeviceLease> {
@@ -114,7 +115,9 @@ export class Device {
     const { holdUsMax } = await this.client.describe(call);
     for (;;) {
       const lease = await this.client.acquire(call);
-      if (lease.outcome === OutcomeCode.Done) return new DeviceLease(this, lease, holdUsMax, clock);
+      if (lease.outcome === OutcomeCode.Done) {
+        return new DeviceLease(this, lease, holdUsMax, this.binder);
+      }
       const mayChange = lease.outcome === OutcomeCode.Held || lease.outcome === OutcomeCode.TooSoon;
       if (!mayChange || clock.now() >= end) throw this.errorOf("acquire", lease.outcome);
       await pause(clock, acquireInterval, signal);

@@ -5,25 +5,31 @@ import {
   type Lease,
   type Outcome,
   type Quaternion,
+  type Sample,
   type Vector3,
 } from "../../idl/device.rtpm.js";
-import type { Clock } from "../client/transport.js";
+import { pause, type Binder } from "../client/binder.js";
+import { CallError } from "../client/errors.js";
 import { wrap } from "../core/bytes.js";
 import { microsecond, millisecond } from "../core/numbers.js";
 import type { CallOptions } from "../values/caller.js";
 import { DeviceError, type Device } from "./device.js";
+import { Fault, Lifecycle, faultNames, lifecycleName } from "./fault.js";
 
 const zero: Vector3 = { x: 0, y: 0, z: 0 };
 const upright: Quaternion = { x: 0, y: 0, z: 0, w: 1 };
 const jointCount = 8;
+
+const showInterval = 2 * millisecond;
+const showMsMax = 500;
 
 /** A command's own fields; the others are zero, and the lease adds its number. */
 export type CommandFields = Partial<Omit<Command, "lease" | "sequence" | "holdUs">> &
   Pick<Command, "mode">;
 
 /**
- * The right to command a device. It is renewed until it is closed; without commands the device ends
- * it after some seconds all the same. Declare it with `await using`.
+ * The right to command a device. It is renewed until it or its node is closed; without commands the
+ * device ends it after some seconds all the same. Declare it with `await using`.
  *
  * A command holds for the time that it states: without a newer one the device then takes the force
  * away. So a program that stops, or pauses for longer, moves nothing.
@@ -37,17 +43,19 @@ export class DeviceLease implements AsyncDisposable {
   private cancelTimer = (): void => undefined;
   private troubleText = "";
   private isClosed = false;
+  private readonly disown: () => void;
 
   /** @internal */
   constructor(
     private readonly device: Device,
     lease: Lease,
     private readonly holdUsMax: number,
-    private readonly clock: Clock,
+    private readonly binder: Binder,
   ) {
     this.holder = { lease: lease.id };
     this.renewal = Math.max((Number(lease.durationUs) / 3) * microsecond, millisecond);
     this.renewLater();
+    this.disown = binder.own(this);
   }
 
   /** Aborted when the lease has ended: closed, expired or taken over. */
@@ -60,7 +68,10 @@ export class DeviceLease implements AsyncDisposable {
   }
 
   /**
-   * Applies a force.
+   * Applies a force. It resolves when the device has the command, also where a fault is latched
+   * (too fast, or an earlier command with a NaN) and no force comes until recover(): only
+   * `faults` of the samples shows that, as it shows a force above the device's limits, which the
+   * device shortens.
    * @param force  newton, in the device's frame
    * @param holdMs  for how long without a newer command; the device's limit shortens it
    */
@@ -108,21 +119,31 @@ export class DeviceLease implements AsyncDisposable {
     this.expectDone("command", await this.device.client.command(command, options));
   }
 
-  /** Makes the device active. */
+  // The device takes these up in a later cycle.
+
+  /** Makes the device active. @throws CallError, timeout if no sample shows it within 500 ms */
   async activate(options?: CallOptions): Promise<void> {
     this.expectDone("activate", await this.device.client.activate(this.holder, options));
+    const isActive = ({ lifecycle }: Sample): boolean => lifecycle === Lifecycle.Active;
+    await this.untilShown("activate", isActive, options);
   }
-  /** Makes the device inactive, without force. */
+  /** Makes the device inactive, without force. @throws CallError as activate() */
   async deactivate(options?: CallOptions): Promise<void> {
     this.expectDone("deactivate", await this.device.client.deactivate(this.holder, options));
+    const isInactive = ({ lifecycle }: Sample): boolean => lifecycle === Lifecycle.Inactive;
+    await this.untilShown("deactivate", isInactive, options);
   }
-  /** Clears a latched fault. */
+  /** Clears a latched fault. @throws CallError, timeout if samples show it for 500 ms more */
   async recover(options?: CallOptions): Promise<void> {
     this.expectDone("recover", await this.device.client.recover(this.holder, options));
+    const latched = Fault.CommandNotFinite | Fault.TooFast;
+    await this.untilShown("recover", ({ faults }) => (faults & latched) === 0, options);
   }
-  /** Ends an emergency stop. */
+  /** Ends an emergency stop. @throws CallError, timeout if samples show it for 500 ms more */
   async rearm(options?: CallOptions): Promise<void> {
     this.expectDone("rearm", await this.device.client.rearm(this.holder, options));
+    const stop = Fault.EmergencyStop;
+    await this.untilShown("rearm", ({ faults }) => (faults & stop) === 0, options);
   }
 
   /** Releases the device: its force falls to zero. */
@@ -130,6 +151,7 @@ export class DeviceLease implements AsyncDisposable {
     if (this.isClosed) return;
     this.isClosed = true;
     this.cancelTimer();
+    this.disown();
     try {
       if (!this.signal.aborted) await this.device.client.release(this.holder);
     } catch (error) {
@@ -149,14 +171,39 @@ export class DeviceLease implements AsyncDisposable {
     } catch (error) {
       if (error instanceof DeviceError && error.outcome === "NotHolder") {
         this.cancelTimer();
+        this.disown();
         this.ended.abort(error);
       }
       throw error;
     }
   }
 
+  private async untilShown(
+    method: string,
+    isShown: (sample: Sample) => boolean,
+    options: CallOptions = {},
+  ): Promise<void> {
+    const { clock } = this.binder;
+    const call = options.signal === undefined ? {} : { signal: options.signal };
+    const end = clock.now() + showMsMax * millisecond;
+    // The cycle that runs now may have begun before.
+    const sequenceMin = (await this.device.read(call)).sequence + 2n;
+    for (;;) {
+      await pause(clock, showInterval, options.signal);
+      const sample = await this.device.read(call);
+      if (sample.sequence >= sequenceMin && isShown(sample)) return;
+      if (clock.now() < end) continue;
+      const shown = [lifecycleName(sample.lifecycle), ...faultNames(sample.faults)].join(", ");
+      const detail =
+        `the device took it, but after ${showMsMax} ms its samples show: ${shown}. ` +
+        "Remedy: end the cause, and call it again";
+      throw new CallError("timeout", `${this.device.name}.${method}`, detail, true);
+    }
+  }
+
   private renewLater(): void {
-    this.cancelTimer = this.clock.at(this.clock.now() + this.renewal, () => void this.renew());
+    const { clock } = this.binder;
+    this.cancelTimer = clock.at(clock.now() + this.renewal, () => void this.renew());
   }
 
   private async renew(): Promise<void> {

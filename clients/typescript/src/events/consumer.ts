@@ -63,8 +63,8 @@ class Assembly {
 
 /**
  * A subscription at a hub: `for await (const event of consumer)`. It subscribes again by itself when
- * the hub was restarted or unreachable. Close it, or declare it with `await using`; leaving a loop
- * does not end it, and what comes meanwhile waits in its window.
+ * the hub was restarted or unreachable. Close it or its node, or declare it with `await using`;
+ * leaving a loop does not end it, and events that come meanwhile wait in its window.
  */
 export class EventConsumer implements AsyncIterable<HubEvent>, AsyncDisposable {
   private readonly closing = new AbortController();
@@ -77,13 +77,16 @@ export class EventConsumer implements AsyncIterable<HubEvent>, AsyncDisposable {
   private lostCount = 0n;
   private malformedCount = 0;
   private troubleText = "not subscribed yet";
+  private readonly disown: () => void;
 
   private constructor(
     private readonly binder: Binder,
     private readonly hub: HubClient,
     private readonly request: SubscribeRequest,
     private readonly window: number,
-  ) {}
+  ) {
+    this.disown = binder.own(this);
+  }
 
   /**
    * Subscribes; resolves when the hub has the subscription.
@@ -152,6 +155,7 @@ export class EventConsumer implements AsyncIterable<HubEvent>, AsyncDisposable {
   async close(): Promise<void> {
     if (this.isClosed) return;
     this.isClosed = true;
+    this.disown();
     this.troubleText = "closed";
     this.wake();
     const { subscription } = this;
@@ -186,6 +190,7 @@ export class EventConsumer implements AsyncIterable<HubEvent>, AsyncDisposable {
         this.troubleText = error instanceof Error ? error.message : String(error);
         if (!hasBegun) {
           this.isClosed = true;
+          this.disown();
           return onRefused(error);
         }
       }

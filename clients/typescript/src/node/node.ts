@@ -2,8 +2,7 @@ import { lookup } from "node:dns/promises";
 import { isIP } from "node:net";
 import { CallError } from "../client/errors.js";
 import { CallingNode, type CallingOptions, type LinkOptions } from "../client/calling_node.js";
-import { defaultPort } from "../core/numbers.js";
-import { hostInUrl, type Url } from "../core/url.js";
+import { registryAddresses, type Url } from "../core/url.js";
 import type { KeyPair } from "../sealed/algorithms.js";
 import { nodeAlgorithms } from "./algorithms.js";
 import { nodeClock, ownClockDomain } from "./clock.js";
@@ -18,8 +17,9 @@ export interface NodeKeys {
 
 export interface NodeOptions extends CallingOptions {
   /**
-   * Addresses of registries that share their names, where names are looked up; default: those of
-   * the environment variable RTPM_REGISTRY, else the one of this host.
+   * Registries that share their names, where names are looked up: `host`, `host:port`,
+   * `[ipv6]:port` or `rtpm://host:port/rtpm/names`, port 7420 where none is stated. Default: those
+   * of the environment variable RTPM_REGISTRY, else the one of this host.
    */
   readonly registries?: readonly string[];
   /** How servers are called; default `udp`. */
@@ -33,8 +33,13 @@ export interface NodeOptions extends CallingOptions {
  * bindings to one server. Close it, or declare it with `await using`.
  */
 export class Node extends CallingNode {
+  /** @throws RangeError for a registry of another form */
   constructor(private readonly options: NodeOptions = {}) {
-    const registries = options.registries ?? registriesHere();
+    const stated = options.registries ?? [process.env["RTPM_REGISTRY"] || "127.0.0.1"];
+    const registries = {
+      addresses: stated.flatMap(registryAddresses),
+      remedy: "start rtpm-registryd, or state where one runs in RTPM_REGISTRY or `registries`",
+    };
     super({ ...options, registries }, nodeClock, ownClockDomain());
   }
 
@@ -51,15 +56,6 @@ export class Node extends CallingNode {
     if (keys === undefined || serverKey === undefined) return { route };
     return { route, sealed: { algorithms: nodeAlgorithms, own: keys.own, serverKey } };
   }
-}
-
-function registriesHere(): string[] {
-  const stated = process.env["RTPM_REGISTRY"];
-  if (stated === undefined || stated === "") return [`rtpm://127.0.0.1:${defaultPort}/rtpm/names`];
-  // A host stands for the registry at its usual port.
-  const addressOf = (text: string): string =>
-    text.includes("://") ? text : `rtpm://${hostInUrl(text)}:${defaultPort}/rtpm/names`;
-  return stated.split(/,(?=rtpm:)/).map(addressOf);
 }
 
 // In the order of the system (hp-10-2).

@@ -40,6 +40,40 @@ function named<R>(name: string, action: () => R): R {
   }
 }
 
+/** A refusal that says which field of a struct it means: "forceNewton.y". */
+class BadField extends BadValue {
+  constructor(
+    readonly field: string,
+    readonly reason: string,
+  ) {
+    super(`${field}: ${reason}`);
+  }
+}
+
+/** Runs `write`, which reads the value field by field, and puts the field's name in refusals. */
+function fieldNamed<T extends object>(value: T, write: (value: T) => void): void {
+  try {
+    write(value);
+  } catch (error) {
+    if (!(error instanceof BadValue)) throw error;
+    // Writes again, to see which field was read last.
+    let last = "";
+    const observed = new Proxy(value, {
+      get: (target, key): unknown => {
+        last = String(key);
+        return Reflect.get(target, key);
+      },
+    });
+    try {
+      write(observed);
+    } catch {
+      const { field, reason } =
+        error instanceof BadField ? error : { field: undefined, reason: error.message };
+      throw new BadField(field === undefined ? last : `${last}.${field}`, reason);
+    }
+  }
+}
+
 /** Makes the codec of a struct of `size` bytes. */
 export function structCodec<T>(
   name: string,
@@ -53,8 +87,10 @@ export function structCodec<T>(
     alignment,
     read,
     write: (view, at, value) => {
-      if (value === undefined || value === null) throw new BadValue("a struct is undefined");
-      write(view, at, value);
+      if (typeof value !== "object" || value === null) {
+        throw new BadValue(`${String(value)} is no struct`);
+      }
+      fieldNamed(value, (observed) => write(view, at, observed));
     },
     encode(value) {
       const bytes = new Uint8Array(size);

@@ -2,16 +2,20 @@ import { BadValue } from "./codec.js";
 
 // The checks of numbers that a type cannot hold; DataView would cut them off silently.
 
+/** A value as its program has it: a text in quotation marks. */
+const shown = (value: unknown): string =>
+  typeof value === "string" ? JSON.stringify(value) : String(value);
+
 function checked(value: number, low: number, high: number): number {
   if (!Number.isInteger(value) || value < low || value > high) {
-    throw new BadValue(`${String(value)} is no integer within ${low} to ${high}`);
+    throw new BadValue(`${shown(value)} is no integer within ${low} to ${high}`);
   }
   return value;
 }
 
 function checkedBig(value: bigint, low: bigint, high: bigint): bigint {
   if (typeof value !== "bigint" || value < low || value > high) {
-    throw new BadValue(`${String(value)} is no bigint within ${low} to ${high}`);
+    throw new BadValue(`${shown(value)} is no bigint within ${low} to ${high}`);
   }
   return value;
 }
@@ -28,7 +32,7 @@ export const uint64 = (value: bigint): bigint => checkedBig(value, 0n, (1n << 64
 
 /** Checks a floating point number. @throws BadValue unless it is a number; NaN is one */
 export function real(value: number): number {
-  if (typeof value !== "number") throw new BadValue(`${String(value)} is no number`);
+  if (typeof value !== "number") throw new BadValue(`${shown(value)} is no number`);
   return value;
 }
 
