@@ -156,8 +156,10 @@ public final class InteropServer {
       long leftMs = TimeUnit.NANOSECONDS.toMillis(end - System.nanoTime());
       if (context.isCancelled()) {
         ended.completeExceptionally(new org.rtpm.Refusal(Status.CANCELLED, ""));
-      } else if (leftMs <= 0 || context.timeLeft().orElse(Duration.ofSeconds(1)).isZero()) {
+      } else if (context.timeLeft().orElse(Duration.ofSeconds(1)).isZero()) {
         // Later than its caller waits, a call only keeps the place of another one.
+        ended.completeExceptionally(new org.rtpm.Refusal(Status.EXPIRED, ""));
+      } else if (leftMs <= 0) {
         ended.complete(null);
       } else {
         clock.schedule(
