@@ -214,7 +214,7 @@ endif()
 # A GoogleTest binary whose cases are each a ctest. SERIAL: cases take the machine for themselves.
 # PROCESSES: they start processes, so one such case runs at a time, beside cases without.
 # APART: its sources are not compiled in batches, as they use a name for several things.
-# ALSO: they run once more, as <name>.<case>, with this environment, behind the fixture <name>.
+# ALSO: they run once more, alone, as <name>.<case>, with this environment, behind the fixture <name>.
 # EXCEPT: cases that Windows does not run.
 function(rtpm_test)
   cmake_parse_arguments(PARSE_ARGV 0 A "SERIAL;PROCESSES;APART" "NAME;LABEL;TIMEOUT;ALSO" "SOURCES;LINK;EXCEPT")
@@ -256,7 +256,7 @@ function(rtpm_test)
   if(A_ALSO MATCHES "^([^=]+)=(.+)$")
     gtest_discover_tests(${A_NAME} TEST_PREFIX "${CMAKE_MATCH_1}." TEST_LIST "${CMAKE_MATCH_1}"
       DISCOVERY_MODE PRE_TEST PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT} ENVIRONMENT "${CMAKE_MATCH_2}"
-      FIXTURES_REQUIRED "${CMAKE_MATCH_1}" ${keys} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${serial})
+      FIXTURES_REQUIRED "${CMAKE_MATCH_1}" RUN_SERIAL TRUE ${keys} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
   endif()
 endfunction()
 

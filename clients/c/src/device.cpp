@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <initializer_list>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -25,7 +24,8 @@ namespace {
 /// How long take_over() waits for a device that grants one a second.
 constexpr Duration kTakeOverPatience = std::chrono::milliseconds{1500};
 constexpr Duration kTakeOverInterval = std::chrono::milliseconds{50};
-constexpr Duration kEffectPatience = std::chrono::milliseconds{500};
+/// To activate, a driver may have to find and open its device.
+constexpr Duration kEffectPatience = std::chrono::seconds{5};
 constexpr Duration kEffectInterval = std::chrono::milliseconds{2};
 
 rtpm_status status_of(const rtpm_device& device, const char* what,
@@ -33,16 +33,19 @@ rtpm_status status_of(const rtpm_device& device, const char* what,
   return result ? RTPM_OK : c::failed(device.name + ": " + what, result.error());
 }
 
-/// Waits until a sample shows the effect of a request, which takes place in the next cycle.
+/// Waits until a sample shows the effect of a request, which takes place in the next cycle. The
+/// cycle of the first sample may have begun before the request, that of the second behind it not.
 template <class Effect>
 rtpm_status await(rtpm_device& device, const char* what, const Effect& effect) noexcept {
   const MonotonicTime end = rt::now() + kEffectPatience;
+  std::uint64_t shows = 0;
   while (true) {
     const auto sample = device.client.read(device.options);
-    if (sample && effect(*sample)) return RTPM_OK;
+    if (sample && shows == 0) shows = sample->sequence + 2;
+    if (sample && sample->sequence >= shows && effect(*sample)) return RTPM_OK;
     if (rt::now() >= end) {
       return c::failed(RTPM_FAILED, device.name + ": " + what +
-                                        ": the device took it, but does not show it within 500 ms");
+                                        ": the device took it, but does not show it within 5 s");
     }
     rt::sleep_until(rt::now() + kEffectInterval);
   }
@@ -64,24 +67,6 @@ rtpm_status request(rtpm_device* device, const char* what, const Request& run,
                     const Effect& effect) noexcept {
   const rtpm_status status = request(device, what, run);
   return status == RTPM_OK ? c::guarded([&] { return await(*device, what, effect); }) : status;
-}
-
-/// Ends faults. The sample at hand may be older than they: one of a cycle that began after the
-/// request tells.
-template <class Request>
-rtpm_status release(rtpm_device* device, const char* what, const Request& run,
-                    std::initializer_list<driver::Fault> faults) noexcept {
-  std::uint64_t before = 0;
-  const auto run_noting = [&](gvd::DeviceClient& client) {
-    const auto sample = client.read(device->options);
-    before = sample ? sample->sequence : 0;
-    return run(client);
-  };
-  return request(device, what, run_noting, [&](const driver::Sample& sample) {
-    const bool is_later = sample.sequence >= before + 2;
-    return (is_later || sample.lifecycle != driver::Lifecycle::kActive) &&
-           std::ranges::none_of(faults, [&](auto fault) { return sample.faults.has(fault); });
-  });
 }
 
 rtpm_status set(rtpm_device& device, const driver::Setpoint& setpoint) noexcept {
@@ -222,12 +207,17 @@ rtpm_status rtpm_device_deactivate(rtpm_device* device) {
       [](const auto& sample) { return sample.lifecycle != driver::Lifecycle::kActive; });
 }
 rtpm_status rtpm_device_recover(rtpm_device* device) {
-  return release(device, "recover", [](auto& client) { return client.recover(); },
-                 {driver::Fault::kCommandNotFinite, driver::Fault::kTooFast});
+  return request(
+      device, "recover", [](auto& client) { return client.recover(); },
+      [](const auto& sample) {
+        return !sample.faults.has(driver::Fault::kCommandNotFinite) &&
+               !sample.faults.has(driver::Fault::kTooFast);
+      });
 }
 rtpm_status rtpm_device_rearm(rtpm_device* device) {
-  return release(device, "rearm", [](auto& client) { return client.rearm(); },
-                 {driver::Fault::kEmergencyStop});
+  return request(
+      device, "rearm", [](auto& client) { return client.rearm(); },
+      [](const auto& sample) { return !sample.faults.has(driver::Fault::kEmergencyStop); });
 }
 
 // Without the lock: a stop waits for no other request.

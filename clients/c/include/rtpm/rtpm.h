@@ -198,7 +198,7 @@ RTPM_API rtpm_status rtpm_device_set_joints(rtpm_device* device, int32_t mode, c
 RTPM_API rtpm_status rtpm_device_set_outputs(rtpm_device* device, const float* values,
                                              uint32_t count);
 
-/* These three need the lease, and return when a sample shows their effect. */
+/* These three need the lease, and return when a sample shows their effect, after at most 5 s. */
 RTPM_API rtpm_status rtpm_device_activate(rtpm_device* device);
 RTPM_API rtpm_status rtpm_device_deactivate(rtpm_device* device);
 /* Clears a latched fault. */
