@@ -6,6 +6,7 @@ import static org.junit.jupiter.api.Assertions.assertFalse;
 import static org.junit.jupiter.api.Assertions.assertNotNull;
 import static org.junit.jupiter.api.Assertions.assertThrows;
 import static org.junit.jupiter.api.Assertions.assertTrue;
+import static org.rtpm.BytesCodec.BYTES;
 
 import java.net.DatagramPacket;
 import java.net.DatagramSocket;
@@ -32,7 +33,6 @@ import org.junit.jupiter.api.Timeout;
 import org.junit.jupiter.params.ParameterizedTest;
 import org.junit.jupiter.params.provider.EnumSource;
 import org.rtpm.values.CallContext;
-import org.rtpm.values.Codec;
 import org.rtpm.values.Codecs;
 import org.rtpm.values.Interface;
 import org.rtpm.values.Kind;
@@ -44,21 +44,6 @@ import org.rtpm.values.Skeleton;
 /** A server and a node of this package, over sockets. */
 @Timeout(60)
 class SocketTest {
-  private static final Codec<byte[]> BYTES =
-      new Codec<>() {
-        @Override
-        public byte[] encode(byte[] value) {
-          return value;
-        }
-
-        @Override
-        public byte[] decode(ByteBuffer bytes) {
-          byte[] value = new byte[bytes.remaining()];
-          bytes.duplicate().get(value);
-          return value;
-        }
-      };
-
   private static final Method<byte[], byte[]> ECHO =
       new Method<>("echo", 1, Kind.CALL, BYTES, BYTES);
   private static final Method<byte[], byte[]> COUNT =

@@ -1,5 +1,7 @@
 package org.rtpm.conform;
 
+import static org.rtpm.BytesCodec.BYTES;
+
 import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 import java.util.Arrays;
@@ -12,7 +14,6 @@ import org.rtpm.PrivateKey;
 import org.rtpm.PublicKey;
 import org.rtpm.Server;
 import org.rtpm.ServerOptions;
-import org.rtpm.values.Codec;
 import org.rtpm.values.Interface;
 import org.rtpm.values.Kind;
 import org.rtpm.values.Method;
@@ -24,21 +25,6 @@ import org.rtpm.values.Skeleton;
  * keys, in Base64, as its arguments it seals, admits those alone, and prints its own.
  */
 public final class CountingServer {
-  private static final Codec<byte[]> BYTES =
-      new Codec<>() {
-        @Override
-        public byte[] encode(byte[] value) {
-          return value;
-        }
-
-        @Override
-        public byte[] decode(ByteBuffer bytes) {
-          byte[] value = new byte[bytes.remaining()];
-          bytes.duplicate().get(value);
-          return value;
-        }
-      };
-
   private CountingServer() {}
 
   public static void main(String[] arguments) throws InterruptedException {

@@ -8,12 +8,11 @@ import java.net.InetSocketAddress;
 import java.net.ServerSocket;
 import java.net.Socket;
 import java.nio.charset.StandardCharsets;
-import java.util.ArrayList;
 import java.util.Arrays;
 import java.util.HashMap;
-import java.util.List;
 import java.util.Locale;
 import java.util.Map;
+import java.util.Optional;
 import java.util.concurrent.ThreadLocalRandom;
 import org.rtpm.Status;
 import org.rtpm.internal.io.FrameReader;
@@ -25,29 +24,15 @@ import org.rtpm.internal.wire.Medium;
 import org.rtpm.internal.wire.Peer;
 import org.rtpm.internal.wire.ServerSessions;
 import org.rtpm.internal.wire.SipHash;
+import org.rtpm.vectors.Lanes;
+import org.rtpm.vectors.RunningCall;
 
 /** The server: the lanes' {@link ServerSessions} behind one UDP or TCP port. */
 final class ServerSubject extends Subject implements ServerSessions.Handler {
   private static final long HOST = 0xffff_7f00_0001L;
 
-  private record Lane(int low, int high, ServerSessions sessions) {}
-
-  private static final class Running {
-    final String word;
-    final ServerSessions.Request request;
-    final ServerSessions sessions;
-    /** The item that waits for credit, as its first bytes are sent. */
-    byte[] item;
-
-    Running(String word, ServerSessions.Request request, ServerSessions sessions) {
-      this.word = word;
-      this.request = request;
-      this.sessions = sessions;
-    }
-  }
-
-  private final List<Lane> lanes = new ArrayList<>();
-  private final Map<String, Running> running = new HashMap<>();
+  private final Lanes lanes = new Lanes();
+  private final Map<String, RunningCall> running = new HashMap<>();
   private final Map<Long, Socket> connections = new HashMap<>();
   private ServerSessions current;
   private DatagramSocket socket;
@@ -73,14 +58,14 @@ final class ServerSubject extends Subject implements ServerSessions.Handler {
               epoch,
               setup.number("clock_domain", 0),
               key,
-              lanes.size(),
+              lanes.count(),
               bands.length,
               setup.integer("session_count_max", 256),
               setup.integer("message_size_max", 4 * 1024 * 1024),
               setup.integer("large_message_count_max", 32),
               4,
               Integer.MAX_VALUE);
-      lanes.add(new Lane(low, high, new ServerSessions(config, this::send, this)));
+      lanes.add(low, high, new ServerSessions(config, this::send, this));
     }
     int port = medium == Medium.DATAGRAM ? openUdp(setup.address()) : openTcp(setup.address());
     startClock();
@@ -137,27 +122,14 @@ final class ServerSubject extends Subject implements ServerSessions.Handler {
     } finally {
       synchronized (this) {
         connections.remove(peer.port());
-        lanes.forEach(lane -> lane.sessions.endConnection(peer));
+        lanes.all().forEach(sessions -> sessions.endConnection(peer));
       }
     }
   }
 
   private synchronized boolean onFrame(byte[] frame, Peer peer) {
-    current = laneOf(frame);
+    current = lanes.of(frame);
     return current.onFrame(frame, peer, System.nanoTime());
-  }
-
-  // hp-11-2
-  private ServerSessions laneOf(byte[] frame) {
-    if (frame.length >= Limits.HEADER_SIZE) {
-      int priority = (frame[4] & 0xff) | (frame[5] & 0xff) << 8;
-      for (Lane lane : lanes) {
-        if (lane.low <= priority && priority <= lane.high) {
-          return lane.sessions;
-        }
-      }
-    }
-    return lanes.get(0).sessions;
   }
 
   private void send(Peer peer, byte[] frame) {
@@ -175,45 +147,39 @@ final class ServerSubject extends Subject implements ServerSessions.Handler {
 
   @Override
   void tick() {
-    lanes.forEach(lane -> lane.sessions.onTime(System.nanoTime()));
+    lanes.all().forEach(sessions -> sessions.onTime(System.nanoTime()));
   }
 
   @Override
   long dropped(DropReason reason) {
-    return lanes.stream().mapToLong(lane -> lane.sessions.counters().dropped(reason)).sum();
+    return lanes.all().stream().mapToLong(one -> one.counters().dropped(reason)).sum();
   }
 
   @Override
   void does(Line line) {
     long now = System.nanoTime();
     if (line.word(1).equals("stop")) {
-      lanes.forEach(lane -> lane.sessions.closeAll(now));
+      lanes.all().forEach(sessions -> sessions.closeAll(now));
       return;
     }
-    Running call = running.get(line.word(2));
+    RunningCall call = running.get(line.word(2));
     if (call == null) {
       say("cannot: no such call");
       return;
     }
     switch (line.word(1)) {
-      case "receipt" -> call.sessions.accept(call.request, line.status(), now);
-      case "item" -> push(call, line.payload(), now);
+      case "receipt" -> call.sessions().accept(call.request(), line.status(), now);
+      case "item" -> {
+        String refusal = call.push(line.payload(), now);
+        if (refusal != null) {
+          say("sees " + refusal + " " + line.word(2));
+        }
+      }
       case "complete" -> {
-        running.remove(call.word);
-        call.sessions.complete(call.request, line.status(), line.payload(), now);
+        running.remove(line.word(2));
+        call.sessions().complete(call.request(), line.status(), line.payload(), now);
       }
       default -> say("cannot do " + line.word(1));
-    }
-  }
-
-  private static void push(Running call, byte[] item, long now) {
-    int max = call.sessions.itemSizeMax(call.request);
-    if (max > 0 && item.length > max) {
-      say("sees item_too_large " + call.word);
-    } else if (call.sessions.pushItem(call.request, item, now)) {
-      call.item = call.sessions.isItemMidway(call.request) ? item : null;
-    } else {
-      say("sees no_credit " + call.word);
     }
   }
 
@@ -224,7 +190,7 @@ final class ServerSubject extends Subject implements ServerSessions.Handler {
       return;
     }
     String word = "c" + ++runs;
-    running.put(word, new Running(word, request, current));
+    running.put(word, new RunningCall(request, current));
     say("sees run " + word + " method=" + request.method() + " payload="
         + hex(request.payload()));
   }
@@ -257,25 +223,19 @@ final class ServerSubject extends Subject implements ServerSessions.Handler {
     return bytes;
   }
 
-  private Running runningOf(ServerSessions.Request request) {
-    return running.values().stream().filter(call -> call.request == request).findAny().orElse(null);
+  private Optional<Map.Entry<String, RunningCall>> runningOf(ServerSessions.Request request) {
+    return running.entrySet().stream()
+        .filter(call -> call.getValue().request() == request)
+        .findAny();
   }
 
   @Override
   public void onCancelled(ServerSessions.Request request) {
-    Running call = runningOf(request);
-    if (call != null) {
-      say("sees cancelled " + call.word);
-    }
+    runningOf(request).ifPresent(call -> say("sees cancelled " + call.getKey()));
   }
 
   @Override
   public void onCredit(ServerSessions.Request request) {
-    Running call = runningOf(request);
-    if (call != null
-        && call.item != null
-        && call.sessions.pushItem(request, call.item, System.nanoTime())) {
-      call.item = call.sessions.isItemMidway(request) ? call.item : null;
-    }
+    runningOf(request).ifPresent(call -> call.getValue().onCredit(System.nanoTime()));
   }
 }

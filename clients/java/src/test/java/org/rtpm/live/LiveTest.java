@@ -5,8 +5,8 @@ import static org.junit.jupiter.api.Assertions.assertEquals;
 import static org.junit.jupiter.api.Assertions.assertFalse;
 import static org.junit.jupiter.api.Assertions.assertThrows;
 import static org.junit.jupiter.api.Assertions.assertTrue;
+import static org.rtpm.BytesCodec.BYTES;
 
-import java.nio.ByteBuffer;
 import java.nio.file.Path;
 import java.time.Duration;
 import java.util.EnumSet;
@@ -47,7 +47,6 @@ import org.rtpm.ServerOptions;
 import org.rtpm.Status;
 import org.rtpm.Transport;
 import org.rtpm.interop.InteropServer;
-import org.rtpm.values.Codec;
 import org.rtpm.values.Interface;
 import org.rtpm.values.Kind;
 import org.rtpm.values.Method;
@@ -70,20 +69,6 @@ import rtpm.names.OutcomeCode;
 /** With RTPM's programs in C++: registry, devices, tool. */
 @Timeout(60)
 class LiveTest {
-  private static final Codec<byte[]> BYTES =
-      new Codec<>() {
-        @Override
-        public byte[] encode(byte[] value) {
-          return value;
-        }
-
-        @Override
-        public byte[] decode(ByteBuffer bytes) {
-          byte[] value = new byte[bytes.remaining()];
-          bytes.duplicate().get(value);
-          return value;
-        }
-      };
   private static final Method<byte[], byte[]> WHO =
       new Method<>("who", 1, Kind.CALL, BYTES, BYTES);
   private static final Interface LAB = new Interface("lab.Test", 77, List.of(WHO));

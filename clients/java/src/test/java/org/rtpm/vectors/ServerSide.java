@@ -15,23 +15,10 @@ import org.rtpm.internal.wire.SipHash;
 
 /** The lanes' {@link ServerSessions} that play the server of a conversation. */
 final class ServerSide implements Side, ServerSessions.Handler {
-  private record Lane(int low, int high, ServerSessions sessions) {}
-
-  private static final class Running {
-    final ServerSessions.Request request;
-    final ServerSessions sessions;
-    byte[] item;
-
-    Running(ServerSessions.Request request, ServerSessions sessions) {
-      this.request = request;
-      this.sessions = sessions;
-    }
-  }
-
   private final Json setup;
   private final Medium medium;
-  private final List<Lane> lanes = new ArrayList<>();
-  private final Map<Integer, Running> running = new HashMap<>();
+  private final Lanes lanes = new Lanes();
+  private final Map<Integer, RunningCall> running = new HashMap<>();
   private List<Output> outputs = new ArrayList<>();
   private ServerSessions current;
   private long epoch;
@@ -63,7 +50,7 @@ final class ServerSide implements Side, ServerSessions.Handler {
               epoch,
               setup.at("clock_domain").number(),
               key,
-              lanes.size(),
+              lanes.count(),
               bands.size(),
               setup.at("session_count_max").integer(),
               setup.at("message_size_max").integer(),
@@ -71,11 +58,9 @@ final class ServerSide implements Side, ServerSessions.Handler {
               4,
               Integer.MAX_VALUE);
       lanes.add(
-          new Lane(
-              low,
-              high,
-              new ServerSessions(
-                  config, (peer, frame) -> outputs.add(Output.frame(frame)), this)));
+          low,
+          high,
+          new ServerSessions(config, (peer, frame) -> outputs.add(Output.frame(frame)), this));
     }
   }
 
@@ -85,23 +70,10 @@ final class ServerSide implements Side, ServerSessions.Handler {
     return taken;
   }
 
-  // hp-11-2: the frame's priority chooses the lane, wherever its session is.
-  private ServerSessions laneOf(byte[] frame) {
-    if (frame.length >= 64) {
-      int priority = (frame[4] & 0xff) | (frame[5] & 0xff) << 8;
-      for (Lane lane : lanes) {
-        if (lane.low <= priority && priority <= lane.high) {
-          return lane.sessions;
-        }
-      }
-    }
-    return lanes.get(0).sessions;
-  }
-
   @Override
   public List<Output> receive(byte[] frame, boolean isForeign, long at) {
     now = at;
-    current = laneOf(frame);
+    current = lanes.of(frame);
     long[] before = drops();
     boolean isGood = current.onFrame(frame, Peer.of(0, connection, isForeign ? 2 : 1), now);
     for (DropReason reason : DropReason.values()) {
@@ -127,9 +99,7 @@ final class ServerSide implements Side, ServerSessions.Handler {
   public List<Output> act(Json step, FreeBytes free, long at) {
     now = at;
     if (step.has("network_does")) {
-      for (Lane lane : lanes) {
-        lane.sessions.endConnection(Peer.of(0, connection, 1));
-      }
+      lanes.all().forEach(sessions -> sessions.endConnection(Peer.of(0, connection, 1)));
       ++connection;
       return taken();
     }
@@ -138,8 +108,8 @@ final class ServerSide implements Side, ServerSessions.Handler {
         epoch = step.at("epoch").number();
         start();
       }
-      case "wait" -> lanes.forEach(lane -> lane.sessions.onTime(now));
-      case "stop" -> lanes.forEach(lane -> lane.sessions.closeAll(now));
+      case "wait" -> lanes.all().forEach(sessions -> sessions.onTime(now));
+      case "stop" -> lanes.all().forEach(sessions -> sessions.closeAll(now));
       default -> actOnCall(step, free);
     }
     return taken();
@@ -147,27 +117,22 @@ final class ServerSide implements Side, ServerSessions.Handler {
 
   private void actOnCall(Json step, FreeBytes free) {
     int id = (int) free.number(step.at("call_id"));
-    Running call = running.get(id);
+    RunningCall call = running.get(id);
     if (call == null) {
       throw new AssertionError("this call does not run: " + step);
     }
-    ServerSessions.Request request = call.request;
     switch (step.at("server_does").text()) {
-      case "receipt" -> call.sessions.accept(request, status(step), now);
+      case "receipt" -> call.sessions().accept(call.request(), status(step), now);
       case "item" -> {
-        byte[] item = step.at("payload").bytes();
-        int max = call.sessions.itemSizeMax(request);
-        if (max > 0 && item.length > max) {
-          outputs.add(sees("item_too_large", id));
-        } else if (call.sessions.pushItem(request, item, now)) {
-          call.item = call.sessions.isItemMidway(request) ? item : null;
-        } else {
-          outputs.add(sees("no_credit", id));
+        String refusal = call.push(step.at("payload").bytes(), now);
+        if (refusal != null) {
+          outputs.add(sees(refusal, id));
         }
       }
       case "complete" -> {
         running.remove(id);
-        call.sessions.complete(request, status(step), step.at("payload").bytes(), now);
+        byte[] payload = step.at("payload").bytes();
+        call.sessions().complete(call.request(), status(step), payload, now);
       }
       default -> throw new AssertionError("unknown step " + step);
     }
@@ -183,7 +148,7 @@ final class ServerSide implements Side, ServerSessions.Handler {
 
   @Override
   public void onCall(ServerSessions.Request request) {
-    running.put(request.callId(), new Running(request, current));
+    running.put(request.callId(), new RunningCall(request, current));
     outputs.add(
         Output.words(
             "server_sees",
@@ -207,9 +172,9 @@ final class ServerSide implements Side, ServerSessions.Handler {
 
   @Override
   public void onCredit(ServerSessions.Request request) {
-    Running call = running.get(request.callId());
-    if (call != null && call.item != null && call.sessions.pushItem(request, call.item, now)) {
-      call.item = call.sessions.isItemMidway(request) ? call.item : null;
+    RunningCall call = running.get(request.callId());
+    if (call != null) {
+      call.onCredit(now);
     }
   }
 }
