@@ -4,8 +4,6 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "node.hpp"
-
 namespace rtpm::c {
 namespace {
 

@@ -40,8 +40,7 @@ rtpm_status guarded(const Body& body) noexcept {
   }
 }
 
-/// A struct of the program, which an older or a newer header may have made.
-/// @errors nullptr and a text if its size is none
+/// Whether a struct of the program states its size. Its header may be older or newer than this one.
 template <class Struct>
 [[nodiscard]] bool has_size(const Struct* given) noexcept {
   return given != nullptr && given->struct_size >= sizeof(std::uint32_t) * 2;
