@@ -20,7 +20,6 @@ import org.rtpm.internal.wire.CallParameters;
 import org.rtpm.internal.wire.ClientChannel;
 import org.rtpm.internal.wire.Delivery;
 import org.rtpm.internal.wire.DropReason;
-import org.rtpm.internal.wire.Limits;
 import org.rtpm.internal.wire.Medium;
 
 /** The client: one {@link ClientChannel} on a UDP socket or a TCP connection. */

@@ -10,7 +10,6 @@ import java.util.HexFormat;
 import java.util.Locale;
 import java.util.Map;
 import org.rtpm.Status;
-import org.rtpm.internal.wire.Counters;
 import org.rtpm.internal.wire.DropReason;
 
 /**

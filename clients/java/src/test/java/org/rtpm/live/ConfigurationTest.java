@@ -3,14 +3,12 @@ package org.rtpm.live;
 import static org.junit.jupiter.api.Assertions.assertEquals;
 
 import java.nio.file.Path;
-import java.time.Duration;
 import java.util.List;
 import org.junit.jupiter.api.Test;
 import org.junit.jupiter.api.Timeout;
 import org.junit.jupiter.api.io.TempDir;
 import org.rtpm.Binding;
 import org.rtpm.Node;
-import org.rtpm.NodeOptions;
 import rtpm.configuration.ApplyRequest;
 import rtpm.configuration.ConfigurationClient;
 import rtpm.configuration.ConfigurationMethods;
@@ -28,32 +26,11 @@ class ConfigurationTest {
   @Test
   void parametersChangeTogetherOrNotAtAll() throws Exception {
     Program.assumeBuilt("rtpm-registryd", "rtpm-deviced");
-    try (Program registry = Program.start(home, "rtpm-registryd", "--port", "0")) {
-      String url = registry.address();
-      NodeOptions options =
-          NodeOptions.DEFAULT.withRegistries(url).withDeadline(Duration.ofSeconds(5));
-      try (Program devices = startDevices(url);
-          Node node = Node.open(options)) {
-        devices.address();
-        try (Binding binding = node.bind("lab/arm0/config", ConfigurationMethods.INTERFACE)) {
-          check(new ConfigurationClient(binding));
-        }
-      }
+    try (Laboratory laboratory = Laboratory.start(home);
+        Node node = laboratory.node();
+        Binding binding = node.bind("lab/arm0/config", ConfigurationMethods.INTERFACE)) {
+      check(new ConfigurationClient(binding));
     }
-  }
-
-  private Program startDevices(String registry) throws Exception {
-    return Program.start(
-        home,
-        "rtpm-deviced",
-        "--registry",
-        registry,
-        "--events",
-        "none",
-        "--stops",
-        "none",
-        "--settings",
-        "");
   }
 
   private static void check(ConfigurationClient configuration) {

@@ -242,35 +242,24 @@ class LiveTest {
   @ParameterizedTest
   @EnumSource(Transport.class)
   void devicesAreReadByName(Transport transport) throws Exception {
-    try (Program registry = registry()) {
-      String url = registry.address();
-      try (Program devices =
-              Program.start(
-                  home, "rtpm-deviced", "--registry", url, "--events", "none", "--stops", "none");
-          Node node =
-              Node.open(
-                  NodeOptions.DEFAULT
-                      .withRegistries(url)
-                      .withTransport(transport)
-                      .withDeadline(Duration.ofSeconds(5)))) {
-        devices.address();
-        DeviceClient arm = new DeviceClient(node.bind("lab/arm0", DeviceMethods.INTERFACE));
-        assertTrue(Node.await(arm.describe()).toString().contains("sim"));
-        CallOptions patient = CallOptions.DEFAULT.withDeadline(Duration.ofSeconds(5));
-        Sample before = Node.await(arm.read(patient));
-        Sample after = Node.await(arm.read(patient));
-        while (after.sequence() == before.sequence()) {
-          after = Node.await(arm.read(patient));
-        }
-        assertTrue(after.sequence() > before.sequence());
-        assertTrue(Double.isFinite(after.positionM().x()));
-        try (Binding same = node.bind("lab/arm0", DeviceMethods.INTERFACE)) {
-          PreparedCall read = same.prepare(DeviceMethods.READ, patient);
-          Sample.View sample = new Sample.View().wrap(read.reply(), 0);
-          read.run();
-          assertTrue(sample.sequence() >= after.sequence());
-          assertTrue(Double.isFinite(sample.positionM().x()));
-        }
+    try (Laboratory laboratory = Laboratory.start(home);
+        Node node = Node.open(laboratory.options().withTransport(transport))) {
+      DeviceClient arm = new DeviceClient(node.bind("lab/arm0", DeviceMethods.INTERFACE));
+      assertTrue(Node.await(arm.describe()).toString().contains("sim"));
+      CallOptions patient = CallOptions.DEFAULT.withDeadline(Duration.ofSeconds(5));
+      Sample before = Node.await(arm.read(patient));
+      Sample after = Node.await(arm.read(patient));
+      while (after.sequence() == before.sequence()) {
+        after = Node.await(arm.read(patient));
+      }
+      assertTrue(after.sequence() > before.sequence());
+      assertTrue(Double.isFinite(after.positionM().x()));
+      try (Binding same = node.bind("lab/arm0", DeviceMethods.INTERFACE)) {
+        PreparedCall read = same.prepare(DeviceMethods.READ, patient);
+        Sample.View sample = new Sample.View().wrap(read.reply(), 0);
+        read.run();
+        assertTrue(sample.sequence() >= after.sequence());
+        assertTrue(Double.isFinite(sample.positionM().x()));
       }
     }
   }
@@ -350,40 +339,30 @@ class LiveTest {
 
   @Test
   void oneClientAtATimeCommandsADevice() throws Exception {
-    try (Program registry = registry()) {
-      String url = registry.address();
-      try (Program devices =
-              Program.start(
-                  home, "rtpm-deviced", "--registry", url, "--events", "none", "--stops", "none");
-          Node node =
-              Node.open(
-                  NodeOptions.DEFAULT.withRegistries(url).withDeadline(Duration.ofSeconds(5)));
-          Node other =
-              Node.open(
-                  NodeOptions.DEFAULT.withRegistries(url).withDeadline(Duration.ofSeconds(5)))) {
-        devices.address();
-        try (Device arm = Device.open(node, "lab/arm0");
-            Device same = Device.open(other, "lab/arm0")) {
-          Vector3 down = new Vector3(0, 0, -1);
-          try (DeviceLease lease = arm.acquire(Duration.ofSeconds(1))) {
-            push(lease, down);
-            push(lease, down);
-            DeviceException held =
-                assertThrows(DeviceException.class, () -> same.acquire(Duration.ofMillis(200)));
-            assertEquals(rtpm.device.OutcomeCode.HELD, held.outcome());
-            same.emergencyStop();
-            DeviceException stopped =
-                assertThrows(DeviceException.class, () -> push(lease, down));
-            assertEquals(rtpm.device.OutcomeCode.EMERGENCY_STOP, stopped.outcome());
-            lease.rearm();
-            push(lease, down);
-            assertEquals("", lease.trouble());
-          }
-          try (DeviceLease lease = same.acquire(Duration.ofSeconds(2))) {
-            push(lease, down);
-            Thread.sleep(1500); // Longer than a lease without renewals.
-            push(lease, down);
-          }
+    try (Laboratory laboratory = Laboratory.start(home);
+        Node node = laboratory.node();
+        Node other = laboratory.node()) {
+      try (Device arm = Device.open(node, "lab/arm0");
+          Device same = Device.open(other, "lab/arm0")) {
+        Vector3 down = new Vector3(0, 0, -1);
+        try (DeviceLease lease = arm.acquire(Duration.ofSeconds(1))) {
+          push(lease, down);
+          push(lease, down);
+          DeviceException held =
+              assertThrows(DeviceException.class, () -> same.acquire(Duration.ofMillis(200)));
+          assertEquals(rtpm.device.OutcomeCode.HELD, held.outcome());
+          same.emergencyStop();
+          DeviceException stopped =
+              assertThrows(DeviceException.class, () -> push(lease, down));
+          assertEquals(rtpm.device.OutcomeCode.EMERGENCY_STOP, stopped.outcome());
+          lease.rearm();
+          push(lease, down);
+          assertEquals("", lease.trouble());
+        }
+        try (DeviceLease lease = same.acquire(Duration.ofSeconds(2))) {
+          push(lease, down);
+          Thread.sleep(1500); // Longer than a lease without renewals.
+          push(lease, down);
         }
       }
     }
@@ -391,66 +370,47 @@ class LiveTest {
 
   @Test
   void latchesAreGoneWhenTheirCallsReturn() throws Exception {
-    try (Program registry = registry()) {
-      String url = registry.address();
-      try (Program devices =
-              Program.start(
-                  home, "rtpm-deviced", "--registry", url, "--events", "none", "--stops", "none");
-          Node node =
-              Node.open(
-                  NodeOptions.DEFAULT.withRegistries(url).withDeadline(Duration.ofSeconds(5)));
-          Device arm = deviceOf(devices, node)) {
-        Vector3 broken = new Vector3(Double.NaN, 0, 0);
-        for (int i = 0; i < 10; ++i) {
-          DeviceLease lease = arm.acquire(Duration.ofSeconds(2));
-          DeviceException refused =
-              assertThrows(DeviceException.class, () -> push(lease, broken));
-          assertEquals(rtpm.device.OutcomeCode.NOT_FINITE, refused.outcome());
-          awaitFault(arm, Fault.COMMAND_NOT_FINITE);
-          lease.recover();
-          assertFalse(faults(arm).contains(Fault.COMMAND_NOT_FINITE));
-          lease.deactivate();
-          assertEquals(Lifecycle.INACTIVE, Lifecycle.of(arm.read().lifecycle()));
-          lease.activate();
-          assertEquals(Lifecycle.ACTIVE, Lifecycle.of(arm.read().lifecycle()));
-          arm.emergencyStop();
-          lease.rearm();
-          // The end of the lease would undo what the device has not taken up.
-          lease.close();
-          assertFalse(faults(arm).contains(Fault.EMERGENCY_STOP));
-        }
+    try (Laboratory laboratory = Laboratory.start(home);
+        Node node = laboratory.node();
+        Device arm = Device.open(node, "lab/arm0")) {
+      Vector3 broken = new Vector3(Double.NaN, 0, 0);
+      for (int i = 0; i < 10; ++i) {
+        DeviceLease lease = arm.acquire(Duration.ofSeconds(2));
+        DeviceException refused =
+            assertThrows(DeviceException.class, () -> push(lease, broken));
+        assertEquals(rtpm.device.OutcomeCode.NOT_FINITE, refused.outcome());
+        awaitFault(arm, Fault.COMMAND_NOT_FINITE);
+        lease.recover();
+        assertFalse(faults(arm).contains(Fault.COMMAND_NOT_FINITE));
+        lease.deactivate();
+        assertEquals(Lifecycle.INACTIVE, Lifecycle.of(arm.read().lifecycle()));
+        lease.activate();
+        assertEquals(Lifecycle.ACTIVE, Lifecycle.of(arm.read().lifecycle()));
+        arm.emergencyStop();
+        lease.rearm();
+        // The end of the lease would undo what the device has not taken up.
+        lease.close();
+        assertFalse(faults(arm).contains(Fault.EMERGENCY_STOP));
       }
     }
   }
 
   @Test
   void filtersShowInFaultsOnly() throws Exception {
-    try (Program registry = registry()) {
-      String url = registry.address();
-      try (Program devices =
-              Program.start(
-                  home, "rtpm-deviced", "--registry", url, "--events", "none", "--stops", "none");
-          Node node =
-              Node.open(
-                  NodeOptions.DEFAULT.withRegistries(url).withDeadline(Duration.ofSeconds(5)));
-          Device arm = deviceOf(devices, node);
-          DeviceLease lease = arm.acquire(Duration.ofSeconds(2))) {
-        Vector3 tooMuch = new Vector3(0, 0, 1000);
-        assertTrue(seen(arm, lease, tooMuch).contains(Fault.FORCE_CLAMPED));
-        assertTrue(arm.read().forceNewton().z() <= arm.describe().forceNewtonMax());
-        assertThrows(
-            DeviceException.class, () -> push(lease, new Vector3(0, Double.NaN, 0)));
-        // A newer command within the same cycle would replace it.
-        awaitFault(arm, Fault.COMMAND_NOT_FINITE);
-        assertTrue(seen(arm, lease, new Vector3(0, 0, 1)).contains(Fault.COMMAND_NOT_FINITE));
-        assertEquals(new Vector3(0, 0, 0), arm.read().forceNewton());
-      }
+    try (Laboratory laboratory = Laboratory.start(home);
+        Node node = laboratory.node();
+        Device arm = Device.open(node, "lab/arm0");
+        DeviceLease lease = arm.acquire(Duration.ofSeconds(2))) {
+      Vector3 tooMuch = new Vector3(0, 0, 1000);
+      assertTrue(seen(arm, lease, tooMuch).contains(Fault.FORCE_CLAMPED));
+      assertTrue(arm.read().forceNewton().z() <= arm.describe().forceNewtonMax());
+      assertThrows(
+          DeviceException.class, () -> push(lease, new Vector3(0, Double.NaN, 0)));
+      // A newer command within the same cycle would replace it.
+      awaitFault(arm, Fault.COMMAND_NOT_FINITE);
+      assertTrue(seen(arm, lease, new Vector3(0, 0, 1)).contains(Fault.COMMAND_NOT_FINITE));
+      assertEquals(new Vector3(0, 0, 0), arm.read().forceNewton());
     }
-  }
-
-  private static Device deviceOf(Program devices, Node node) throws Exception {
-    devices.address();
-    return Device.open(node, "lab/arm0");
   }
 
   private static void awaitFault(Device arm, Fault fault) throws Exception {

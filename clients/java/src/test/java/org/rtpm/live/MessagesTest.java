@@ -150,59 +150,48 @@ class MessagesTest {
 
   @Test
   void devicesSayTheirNameAndTheRemedy() throws Exception {
-    try (Program registry = registry()) {
-      String url = registry.address();
-      try (Program devices =
-              Program.start(
-                  home, "rtpm-deviced", "--registry", url, "--events", "none", "--stops", "none");
-          Node node = node(url)) {
-        devices.address();
-        try (Device arm = Device.open(node, "lab/arm0")) {
-          DeviceLease lease = arm.acquire(Duration.ofSeconds(1));
-          Vector3 zero = new Vector3(0, 0, 0);
-          Quaternion upright = new Quaternion(0, 0, 0, 1);
-          Duration hold = Duration.ofMillis(20);
-          Executable command = () -> LiveTest.patiently(() -> lease.force(zero, hold));
-          fails(
-              DeviceException.class,
-              () -> LiveTest.patiently(() -> lease.pose(zero, upright, hold)),
-              "lab/arm0: command: ",
-              "describe().modes()");
-          arm.emergencyStop();
-          fails(DeviceException.class, command, "lab/arm0: command: ", "lease.rearm()");
-          lease.rearm();
-          lease.close();
-          fails(DeviceException.class, command, "lab/arm0: command: ", "acquire the device");
-          end(devices);
-          fails(CallException.class, arm::describe, "lab/arm0 at 127.0.0.1:");
-        }
+    try (Laboratory laboratory = Laboratory.start(home);
+        Node node = laboratory.node()) {
+      try (Device arm = Device.open(node, "lab/arm0")) {
+        DeviceLease lease = arm.acquire(Duration.ofSeconds(1));
+        Vector3 zero = new Vector3(0, 0, 0);
+        Quaternion upright = new Quaternion(0, 0, 0, 1);
+        Duration hold = Duration.ofMillis(20);
+        Executable command = () -> LiveTest.patiently(() -> lease.force(zero, hold));
+        fails(
+            DeviceException.class,
+            () -> LiveTest.patiently(() -> lease.pose(zero, upright, hold)),
+            "lab/arm0: command: ",
+            "describe().modes()");
+        arm.emergencyStop();
+        fails(DeviceException.class, command, "lab/arm0: command: ", "lease.rearm()");
+        lease.rearm();
+        lease.close();
+        fails(DeviceException.class, command, "lab/arm0: command: ", "acquire the device");
+        end(laboratory.devices());
+        fails(CallException.class, arm::describe, "lab/arm0 at 127.0.0.1:");
       }
     }
   }
 
   @Test
   void closedNodesSaySo() throws Exception {
-    try (Program registry = registry()) {
-      String url = registry.address();
-      try (Program devices =
-          Program.start(
-              home, "rtpm-deviced", "--registry", url, "--events", "none", "--stops", "none")) {
-        devices.address();
-        Node node = node(url);
-        Device arm = Device.open(node, "lab/arm0");
-        DeviceLease lease = arm.acquire(Duration.ofSeconds(1));
-        Binding binding = node.bind("lab/arm0", DeviceMethods.INTERFACE);
-        node.close();
-        String closed = "the node is closed";
-        fails(IllegalStateException.class, arm::read, closed);
-        fails(IllegalStateException.class, binding::ping, closed);
-        fails(IllegalStateException.class, () -> Device.open(node, "lab/arm0"), closed);
-        fails(IllegalStateException.class, () -> Device.open(node, url), closed);
-        fails(IllegalStateException.class, () -> node.directory().list(""), closed);
-        lease.close();
-        assertTrue(lease.trouble().contains(closed), lease.trouble());
-        arm.close();
-      }
+    try (Laboratory laboratory = Laboratory.start(home)) {
+      Node node = laboratory.node();
+      Device arm = Device.open(node, "lab/arm0");
+      DeviceLease lease = arm.acquire(Duration.ofSeconds(1));
+      Binding binding = node.bind("lab/arm0", DeviceMethods.INTERFACE);
+      node.close();
+      String url = laboratory.options().registries().get(0);
+      String closed = "the node is closed";
+      fails(IllegalStateException.class, arm::read, closed);
+      fails(IllegalStateException.class, binding::ping, closed);
+      fails(IllegalStateException.class, () -> Device.open(node, "lab/arm0"), closed);
+      fails(IllegalStateException.class, () -> Device.open(node, url), closed);
+      fails(IllegalStateException.class, () -> node.directory().list(""), closed);
+      lease.close();
+      assertTrue(lease.trouble().contains(closed), lease.trouble());
+      arm.close();
     }
   }
 }
