@@ -673,16 +673,19 @@ TEST_F(AsioEvents, DestructionOfTheLoopLeavesNothingBehind) {
       while (true)
         co_await arrivals.async_next(net::use_awaitable);
     });
-    spawn([&loop, token]() -> net::awaitable<void> {
+    bool has_begun = false;
+    spawn([&loop, &has_begun, token]() -> net::awaitable<void> {
       Calls calls(loop);
-      co_await calls.async_set_up(
-          [token] {
-            std::this_thread::sleep_for(10ms);
-            return 0;
-          },
-          net::use_awaitable);
+      // A variable, because GCC 12 would destroy it twice in the expression.
+      auto set_up = [token] {
+        std::this_thread::sleep_for(10ms);
+        return 0;
+      };
+      has_begun = true;
+      co_await calls.async_set_up(std::move(set_up), net::use_awaitable);
     });
-    loop.run_for(5ms);
+    while (!has_begun)
+      loop.run_one();
     EXPECT_GT(token.use_count(), 4);
   }
   EXPECT_EQ(token.use_count(), 1);

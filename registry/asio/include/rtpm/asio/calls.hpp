@@ -215,7 +215,9 @@ class Calls {
   ///
   /// At most four run at a time; the others wait. It can't be cancelled and ends by its own
   /// deadline, which the destruction of the io_context waits for.
-  /// @param set_up  returns a value, and must not throw
+  /// @param set_up  returns a value, and must not throw. GCC 12 destroys a lambda twice that stands
+  ///                in the co_await expression: it may capture references there, while one that
+  ///                captures objects must be a variable, given by std::move
   /// @return   void(R) with the function's result; set-up fails with RTPM's SetupError, a text
   template <class SetUp, class Token>
   auto async_set_up(SetUp set_up, Token&& token) {
