@@ -158,10 +158,10 @@ SealedServer::Outcome SealedServer::begin_job(const wire::Header& header, ConstB
                                               MonotonicTime now) noexcept {
   const bool is_stream = config_.medium == wire::Medium::kStream;
   for (const HandshakeJob& job : jobs_) {
-    // The job is already in progress. A connection has one handshake at a time.
-    if (job.is_taken_ && job.peer_ == peer && (is_stream || job.frame_hash_ == hash)) {
-      return drop(DropReason::kUnexpected);
-    }
+    if (!job.is_taken_ || !(job.peer_ == peer)) continue;
+    if (job.frame_hash_ == hash) return drop(DropReason::kUnexpected);  // A copy.
+    // sec-3.2-3
+    if (is_stream) return broken(DropReason::kUnexpected);
   }
   const auto found = std::ranges::find(jobs_, false, &HandshakeJob::is_taken_);
   // Over datagrams the client repeats its HELLO; over a stream it reconnects.

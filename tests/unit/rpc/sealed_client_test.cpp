@@ -229,6 +229,23 @@ TEST_P(SealedClientTest, FailsACallWhoseSessionEnds) {
   EXPECT_TRUE(call_number(binding, 1));
 }
 
+// sec-3.2-3: the lane is busy, so that a second channel's handshake lasts longer than its call.
+TEST_P(SealedClientTest, CallsAgainAfterAHandshakeThatWasGivenUp) {
+  EchoServer server(server_config());
+  know_server();
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  auto holding = binding.begin(echo::kHold, {});
+  ASSERT_TRUE(holding);
+  ASSERT_TRUE(await([&] { return server.servant.gate().inside_count() == 1; }));
+  const auto late = call_number(binding, 1, 50ms);
+  ASSERT_FALSE(late);
+  EXPECT_EQ(late.error(), CallError::kTimeout);
+  server.servant.gate().open();
+  const auto next = call_number(binding, 2);
+  EXPECT_TRUE(next) << to_string(next.error());
+}
+
 TEST_P(SealedClientTest, RenewsKeysByAge) {
   EchoServer server(server_config());
   know_server();

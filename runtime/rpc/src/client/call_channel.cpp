@@ -165,8 +165,12 @@ expected<void, CallError> CallChannel::shake_hands(Priority priority,
     }
     case wire::ChannelEvent::Kind::kRefused:
       return refused(error_of_refusal(event.status));
-    case wire::ChannelEvent::Kind::kTimeout:
-      return refused(CallError::kTimeout);
+    case wire::ChannelEvent::Kind::kTimeout: {
+      const auto late = refused(CallError::kTimeout);
+      // sec-3.2-3: the server may still be busy with the HELLO of this connection.
+      if (transport_->medium() == wire::Medium::kStream) drop_transport();
+      return late;
+    }
     default:
       break;
   }

@@ -573,6 +573,20 @@ TEST(SealedSessions, SurviveAForgedHelloOverAStream) {
   EXPECT_EQ(client.reply, "two");
 }
 
+// sec-3.2-3: its client would wait for an answer to the later one in vain.
+TEST(SealedSessions, EndAStreamAtASecondHandshakeBesideTheFirst) {
+  Server server(wire::Medium::kStream);
+  Client client(server.identity.key.public_key, wire::Medium::kStream);
+  client.open(kNow);
+  Bytes hello = client.sent.front();
+  ASSERT_NE(server.sealed->on_frame(hello, kClientAddress, kNow).job, nullptr);
+  EXPECT_TRUE(server.receive(hello, kNow).empty());
+  EXPECT_FALSE(server.has_hung_up) << "a copy is answered with the first";
+  client.open(kNow);
+  EXPECT_TRUE(server.receive(client.sent.back(), kNow).empty());
+  EXPECT_TRUE(server.has_hung_up);
+}
+
 // sec-5-7: over a stream, any frame that does not fit ends the connection.
 TEST(SealedSessions, EndAStreamAtTheFirstInvalidFrame) {
   for (const int fault : {0, 1, 2}) {

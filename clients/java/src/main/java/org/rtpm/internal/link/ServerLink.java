@@ -582,6 +582,9 @@ public final class ServerLink {
 
   // No session could be opened: what waits for it fails.
   void onUnopened(ChannelOfBand channel, Outcome outcome) {
+    if (config.medium == Medium.STREAM) {
+      transport.disconnect(channel); // sec-3.2-3
+    }
     List<LinkCall> waiting = new ArrayList<>(channel.lost);
     waiting.addAll(channel.queue);
     channel.lost.clear();
