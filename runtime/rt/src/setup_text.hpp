@@ -11,8 +11,8 @@ namespace rtpm::rt {
 [[nodiscard]] std::string throttling_text(RealtimeLimit limit);
 [[nodiscard]] std::string throttling_remedy();
 
-/// Whether the process is in a control group without real-time runtime, so that the system refuses
-/// real-time threads whatever the user's rights.
+/// Whether the process, to which the system refused a real-time thread, is in a control group
+/// without real-time runtime, so that its rights do not count.
 /// @realtime set-up only
 [[nodiscard]] bool is_group_without_realtime() noexcept;
 

@@ -22,7 +22,8 @@ void ask_rights(HostAnswers& answers) {
   if (auto request = CpuLatencyRequest::open(Duration{0}, RealtimeMode::kRequire); !request) {
     answers.cpu_latency_refusal = request.error();
   }
-  answers.is_group_without_realtime = is_group_without_realtime();
+  answers.is_group_without_realtime =
+      answers.realtime_refusal.has_value() && is_group_without_realtime();
   answers.realtime_limit = realtime_limit();
 }
 

@@ -20,6 +20,22 @@ bool is_virtual_machine(const HostTree& tree) {
   return false;
 }
 
+/// The kind of container, by the files that the usual ones leave.
+std::string container_of(const HostTree& tree) {
+  const std::string named = tree.text("/run/systemd/container");
+  if (!named.empty()) return named;
+  if (tree.has("/.dockerenv")) return "docker";
+  if (tree.has("/run/.containerenv")) return "podman";
+  constexpr std::string_view kVariable = "container=";
+  const std::string variables = tree.text("/proc/1/environ");
+  for (std::size_t begin = 0; begin < variables.size();) {
+    const std::string_view one(variables.c_str() + begin);
+    if (one.starts_with(kVariable)) return std::string(one.substr(kVariable.size()));
+    begin += one.size() + 1;
+  }
+  return {};
+}
+
 void read_frequencies(const HostTree& tree, HostFiles& files) {
   for (const std::string& cpu : tree.entries(kCpuFolder, "cpu")) {
     const std::string path = kCpuFolder + cpu + "/cpufreq/scaling_governor";
@@ -155,6 +171,7 @@ HostFiles read_host(const std::string& root, const std::vector<int>& process_ids
   HostFiles files;
   files.is_realtime_kernel = tree.text("/sys/kernel/realtime") == "1";
   files.is_virtual_machine = is_virtual_machine(tree);
+  files.container = container_of(tree);
   files.clock_source =
       tree.text("/sys/devices/system/clocksource/clocksource0/current_clocksource");
   read_frequencies(tree, files);

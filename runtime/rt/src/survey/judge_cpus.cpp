@@ -51,6 +51,16 @@ Finding judge_machine(const HostFiles& files) {
           "run what is urgent on the host itself, or give each virtual CPU a CPU of its own there"};
 }
 
+Finding judge_container(const HostFiles& files) {
+  if (files.container.empty()) return {"container", Severity::kGood, "no container shows"};
+  return {"container", Severity::kNote, "it is a container (" + files.container + ")",
+          "it grants real-time threads, locked memory, shared memory and devices by its own "
+          "settings; behind a network of its own, calls take some 10 µs more and no other host is "
+          "discovered",
+          "docker run --cap-add SYS_NICE --ulimit rtprio=90 --ulimit memlock=-1 --network host "
+          "--shm-size 1g, with --device for each device"};
+}
+
 Finding judge_cpus(const HostAnswers& answers) {
   if (answers.usable_cpu_count > 1) {
     return {"cpus", Severity::kGood, std::to_string(answers.usable_cpu_count) + " CPUs are usable"};

@@ -16,6 +16,7 @@ namespace rtpm::rt {
 
 [[nodiscard]] Finding judge_kernel(const HostFiles& files);
 [[nodiscard]] Finding judge_machine(const HostFiles& files);
+[[nodiscard]] Finding judge_container(const HostFiles& files);
 [[nodiscard]] Finding judge_cpus(const HostAnswers& answers);
 [[nodiscard]] Finding judge_load(const HostFiles& files, const HostAnswers& answers);
 [[nodiscard]] Finding judge_isolation(const HostFiles& files);

@@ -21,7 +21,7 @@ std::string_view to_string(Severity severity) noexcept {
 std::vector<Finding> judge_host(const HostFiles& files, const HostAnswers& answers) {
   return {
       judge_realtime(answers),    judge_memory_lock(answers),  judge_throttling(answers),
-      judge_kernel(files),        judge_machine(files),        judge_cpus(answers),
+      judge_kernel(files),        judge_machine(files),        judge_container(files),      judge_cpus(answers),
       judge_load(files, answers), judge_isolation(files),      judge_interrupts(files),
       judge_irqbalance(files),    judge_frequency(files),      judge_idle_states(files, answers),
       judge_clock_source(files),  judge_timers(answers),       judge_timer_slack(answers),

@@ -63,8 +63,10 @@ SetupError level_refusal(const std::string& subject, int level, int error) {
               "; the limit is " + std::to_string(limit.rlim_cur) + ")",
           "its latency is not bounded",
           is_group_without_realtime()
-              ? "give the control group of this process (see: /proc/self/cgroup) some "
-                "cpu.rt_runtime_us, or start it in the root group; or say --realtime off."
+              ? "this kernel (CONFIG_RT_GROUP_SCHED) shares real time out to control groups: give "
+                "that of this process (see: /proc/self/cgroup) some cpu.rt_runtime_us, start it "
+                "outside of the group or container, or boot a kernel without the option; or say "
+                "--realtime off."
               : "give the user the right (a line '<user> - rtprio 90' in "
                 "/etc/security/limits.conf, LimitRTPRIO=90 in a systemd unit, or CAP_SYS_NICE), or "
                 "say --realtime off.",

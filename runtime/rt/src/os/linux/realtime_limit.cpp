@@ -71,6 +71,24 @@ std::optional<RealtimeLimit> limit_of_group() noexcept {
   return limit_in(runtime_path.data(), period_path.data());
 }
 
+// Whether the process has CAP_SYS_NICE in the host's own user namespace.
+bool has_right_to_realtime() noexcept {
+  std::array<char, 64> map{};
+  if (read_file("/proc/self/uid_map", map).find("4294967295") == std::string_view::npos) {
+    return false;
+  }
+  std::array<char, 4096> buffer{};
+  const std::string_view status = read_file("/proc/self/status", buffer);
+  constexpr std::string_view kLabel = "CapEff:\t";
+  const std::size_t label = status.find(kLabel);
+  if (label == std::string_view::npos) return false;
+  const std::string_view digits = status.substr(label + kLabel.size());
+  std::uint64_t capabilities = 0;
+  std::from_chars(digits.data(), digits.data() + digits.size(), capabilities, 16);
+  constexpr int kSysNice = 23;  // CAP_SYS_NICE of linux/capability.h
+  return (capabilities >> kSysNice & 1) != 0;
+}
+
 }  // namespace
 
 RealtimeLimit realtime_limit() noexcept {
@@ -87,7 +105,10 @@ RealtimeLimit realtime_limit() noexcept {
 
 bool is_group_without_realtime() noexcept {
   const auto group = limit_of_group();
-  return group && group->is_limited() && group->runtime == Duration{0};
+  if (group) return group->is_limited() && group->runtime == Duration{0};
+  // With CONFIG_RT_GROUP_SCHED the kernel refuses threads of all version-2 groups but the root, and
+  // shows that nowhere.
+  return has_right_to_realtime();
 }
 
 }  // namespace rtpm::rt

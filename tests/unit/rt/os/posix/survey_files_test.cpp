@@ -48,6 +48,19 @@ TEST_F(HostFilesTest, AreEmptyForAnEmptyHost) {
   EXPECT_FALSE(files.load);
 }
 
+TEST_F(HostFilesTest, ReportTheKindOfContainer) {
+  EXPECT_EQ(read().container, "");
+  using namespace std::string_literals;
+  host_.put("/proc/1/environ", "PATH=/bin\0container=lxc\0TERM=dumb"s);
+  EXPECT_EQ(read().container, "lxc");
+  host_.put("/run/.containerenv", "");
+  EXPECT_EQ(read().container, "podman");
+  host_.put("/.dockerenv", "");
+  EXPECT_EQ(read().container, "docker");
+  host_.put("/run/systemd/container", "systemd-nspawn");
+  EXPECT_EQ(read().container, "systemd-nspawn");
+}
+
 TEST_F(HostFilesTest, ReportKernelMachineClockAndMemory) {
   host_.put("/sys/kernel/realtime", "1");
   host_.put("/proc/cpuinfo", "processor : 0\nflags : fpu hypervisor\nflags : fpu");

@@ -104,6 +104,12 @@ TEST_F(Judgement, RatesKernelAndMachine) {
   expect_finding("machine", Severity::kNote, "virtual machine", "on the host itself");
 }
 
+TEST_F(Judgement, StatesTheSettingsThatAContainerNeeds) {
+  files_.container = "docker";
+  expect_finding("container", Severity::kNote, "(docker)",
+                 "--cap-add SYS_NICE --ulimit rtprio=90 --ulimit memlock=-1 --network host");
+}
+
 TEST_F(Judgement, RatesTheLoadByTheCpus) {
   answers_.usable_cpu_count = 2;
   files_.load = 17;
