@@ -209,6 +209,33 @@ TEST_F(InC, TheExampleInCSharpReadsPositions) {
   std::filesystem::remove_all(folder);
 }
 
+TEST_F(InC, TheExampleInOctaveReadsPositions) {
+  if (std::system("command -v mkoctfile octave-cli > /dev/null") != 0)
+    GTEST_SKIP() << "needs the Debian package octave-dev";
+  const std::string folder = testing::TempDir() + "rtpm_octave_" + std::to_string(::getpid());
+  std::filesystem::create_directories(folder);
+  const std::string library = std::filesystem::path(RTPM_C_LIBRARY).parent_path();
+  ASSERT_EQ(std::system(("cd " + folder + " && mkoctfile --mex " RTPM_C_OCTAVE " -I" RTPM_C_HEADERS
+                         " -L" + library + " -lrtpm-c")
+                            .c_str()),
+            0);
+  ASSERT_EQ(::setenv("RTPM_REGISTRY", registry_->url.c_str(), 1), 0);
+  ASSERT_EQ(::setenv("LD_LIBRARY_PATH", library.c_str(), 1), 0);
+  const auto octave = [&folder](const std::string& line) {
+    return test::run({"/usr/bin/octave-cli", "--quiet", "--path", folder, "--eval", line},
+                     kPatience);
+  };
+  auto end = octave("for i = 1:3, [p, f] = rtpm_position('lab/arm0'); printf('%f m\\n', p); end");
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
+  EXPECT_EQ(test::line_count(end->output), 9) << end->output;
+  end = octave("rtpm_position('lab/nothing')");
+  ASSERT_TRUE(end);
+  EXPECT_NE(end->exit_code, 0);
+  expect_text(end->errors, {"lab/nothing"});
+  std::filesystem::remove_all(folder);
+}
+
 TEST_F(InC, ProgramsOfAnotherHeaderGetTheFieldsThatTheyKnow) {
   rtpm_device* const arm = open_arm();
   // An older header ended behind the sequence; what follows is not the library's.
