@@ -97,7 +97,7 @@ std::string value_hint(std::string_view name) {
 bool is_plain_text(std::string_view value) noexcept {
   return !value.empty() && value.size() <= 64 &&
          std::none_of(value.begin(), value.end(), [](char c) {
-           return (c >= 0 && c < ' ') || c == '\x7f' || c == '"' || c == '\\';
+           return static_cast<unsigned char>(c) < ' ' || c == '\x7f' || c == '"' || c == '\\';
          });
 }
 
