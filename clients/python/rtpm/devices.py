@@ -11,7 +11,7 @@ import logging
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
 from typing import Any
 
@@ -41,8 +41,8 @@ Vector3Like = Iterable[float]
 #: A local model; `rtpm.Wall` is a Plane.
 Model = Plane | Sphere | Box | Spring | AffineField | Friction | Detents | DialDetents
 
-#: For how many seconds a sample may be late.
-_READ_PATIENCE = 1.0
+#: For how many seconds samples and commands may be late.
+_PATIENCE = 1.0
 
 #: The models' fields in the schema's Model.
 _MODEL_FIELDS: dict[type, str] = {
@@ -70,7 +70,7 @@ def _models(models: Iterable[Model]) -> bytes:
 
 def _read(core: _core.Device, priority: int | None = None) -> Sample:
     """The newest sample. The deadline of one reading is for loops of C++; a busy host exceeds it."""
-    end = time.monotonic() + _READ_PATIENCE
+    end = time.monotonic() + _PATIENCE
     while True:
         try:
             return Sample.from_buffer_copy(core.read(priority))
@@ -190,7 +190,16 @@ class Tip:
     """The commanded end of a device. Ends with its `with` statement, and then leaves no force behind."""
 
     # A misspelt attribute would command nothing.
-    __slots__ = ("_core", "_device", "_force", "_servo", "_torque", "__weakref__")
+    __slots__ = (
+        "_core",
+        "_device",
+        "_force",
+        "_late_count",
+        "_late_since",
+        "_servo",
+        "_torque",
+        "__weakref__",
+    )
 
     def __init__(self, device: Device, patience: float, take_over: bool) -> None:
         self._device = device
@@ -198,6 +207,9 @@ class Tip:
         self._servo: Servo | None = None
         self._force = Vector3()
         self._torque = Vector3()
+        self._late_count = 0
+        # When the first of the late commands began that none in time followed.
+        self._late_since: float | None = None
         if take_over:
             self._core.take_over()
         else:
@@ -215,6 +227,9 @@ class Tip:
 
         The device applies at most the description's `force_newton_max`, and lets the force rise
         softly at first: `sample.force_newton` is the applied one.
+
+        A command that gets no answer in time costs a cycle: it may act, and release() reports how
+        many there were. After a second without any in time, TimeoutError is raised.
         """
         return self._force
 
@@ -237,7 +252,8 @@ class Tip:
         """Commands a whole `Command`: pose, velocity, joints or outputs by its mode."""
         if not isinstance(command, Command):
             raise TypeError(f"send takes a Command, not {type(command).__name__}")
-        self.core.command(bytes(command), None)
+        core = self.core
+        self._command(lambda: core.command(bytes(command), None))
 
     def loop(self, rate: float = 1000.0, *, pause_gc: bool = False) -> Iterator[Sample]:
         """Yields the newest sample `rate` times a second; late cycles are skipped, counted, and reported at the end.
@@ -301,6 +317,13 @@ class Tip:
         if self._servo is not None:
             self._servo.stop()
             self._servo = None
+        if self._late_count:
+            _log.warning(
+                "%s: %d commands got no answer in time, at a deadline of 10 ms each",
+                self._core.target,
+                self._late_count,
+            )
+            self._late_count = 0
         self.core.release()
 
     def __enter__(self) -> Tip:
@@ -333,7 +356,21 @@ class Tip:
             ) from None
 
     def _send(self) -> None:
-        self.core.set_wrench([*self._force, *self._torque], None)
+        core = self.core
+        self._command(lambda: core.set_wrench([*self._force, *self._torque], None))
+
+    def _command(self, command: Callable[[], None]) -> None:
+        """Commands. The deadline is for loops of C++; a busy host exceeds it, for commands as for _read()."""
+        begin = time.monotonic()
+        try:
+            command()
+        except TimeoutError:
+            self._late_count += 1
+            self._late_since = self._late_since or begin
+            if time.monotonic() - self._late_since > _PATIENCE:
+                raise
+        else:
+            self._late_since = None
 
 
 class Servo:

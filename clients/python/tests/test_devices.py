@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import os
 import signal
@@ -10,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import rtpm
@@ -183,6 +185,32 @@ def test_late_cycles_are_reported_at_the_end(
             if count == 4:
                 break
     assert "skipped because Python was late" in caplog.text
+
+
+def test_late_commands_cost_cycles_and_are_reported(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    served = Laboratory(tmp_path)
+    try:
+        with rtpm.device("lab/arm0", node=rtpm.Node(served.registry.url)) as arm:
+            tip = arm.command(hold=0.05, patience=5)
+            served.devices.process.send_signal(signal.SIGSTOP)
+            tip.force = (0.5, 0, 0)
+            served.devices.process.send_signal(signal.SIGCONT)
+            for _ in itertools.islice(tip.loop(rate=500), 10):
+                tip.force = (0.5, 0, 0)
+            tip.release()
+            assert "commands got no answer in time" in caplog.text
+            tip = arm.command(hold=0.05, patience=5)
+            served.devices.process.send_signal(signal.SIGSTOP)
+            begin = time.monotonic()
+            with pytest.raises(TimeoutError):
+                while time.monotonic() < begin + 20:
+                    tip.force = (0.5, 0, 0)
+            assert time.monotonic() - begin > 0.9
+            served.devices.process.send_signal(signal.SIGCONT)
+    finally:
+        served.end()
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL, signal.SIGSTOP])
