@@ -132,6 +132,7 @@ const std::vector<Part>& parts() {
        "",
        {"base", "wire", "rt", "rpc", "program", "options", "names", "introspection", "events",
         "driver", "configuration", "models", "gvd"}},
+      {"examples/", "", {"base", "rt", "rpc", "program", "options", "names", "driver", "gvd"}},
       {"schema/", "schema", {}},
       {"bench/", "", {}, true},
       {"tests/", "", {}, true},

@@ -10,9 +10,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<std::string_view, 12> kFolders{"bench",  "clients",  "cmake",    "devices",
-                                                    "gvd",    "protocol", "registry", "runtime",
-                                                    "schema", "spec",     "tests",    ".ci"};
+constexpr std::array<std::string_view, 16> kFolders{
+    "bench",     "clients",  "cmake",    "debian",  "devices", "docs", "examples", "gvd",
+    "packaging", "protocol", "registry", "runtime", "schema",  "spec", "tests",    ".ci"};
 
 constexpr std::array<std::string_view, 14> kTextSuffixes{".cpp", ".hpp",   ".h",    ".fbs", ".txt",
                                                          ".md",  ".cmake", ".json", ".sh",  ".py",

@@ -8,11 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 def test_the_staircase_finds_the_simulated_subjects_threshold(tmp_path: Path) -> None:
-    arguments = [sys.executable, "-B", str(EXAMPLES / "stiffness_staircase.py"), "--seed", "20"]
+    arguments = [sys.executable, "-B", str(EXAMPLES / "stiffness_experiment.py"), "--seed", "20"]
     if importlib.util.find_spec("matplotlib"):
         arguments += ["--plot", str(tmp_path / "staircase.png")]
     ran = subprocess.run(arguments, capture_output=True, text=True, timeout=100)
@@ -28,7 +28,7 @@ def test_the_staircase_finds_the_simulated_subjects_threshold(tmp_path: Path) ->
 
 def test_a_person_answers_at_a_laboratory_that_runs() -> None:
     ran = subprocess.run(
-        [sys.executable, "-B", str(EXAMPLES / "stiffness_staircase.py"), "--help"],
+        [sys.executable, "-B", str(EXAMPLES / "stiffness_experiment.py"), "--help"],
         capture_output=True,
         text=True,
     )

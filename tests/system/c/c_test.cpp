@@ -215,8 +215,9 @@ TEST_F(InC, TheExampleInOctaveReadsPositions) {
   const std::string folder = testing::TempDir() + "rtpm_octave_" + std::to_string(::getpid());
   std::filesystem::create_directories(folder);
   const std::string library = std::filesystem::path(RTPM_C_LIBRARY).parent_path();
-  ASSERT_EQ(std::system(("cd " + folder + " && mkoctfile --mex " RTPM_C_OCTAVE " -I" RTPM_C_HEADERS
-                         " -L" + library + " -lrtpm-c")
+  ASSERT_EQ(std::system(("cd " + folder +
+                         " && mkoctfile --mex " RTPM_C_OCTAVE " -I" RTPM_C_HEADERS " -L" + library +
+                         " -lrtpm-c")
                             .c_str()),
             0);
   ASSERT_EQ(::setenv("RTPM_REGISTRY", registry_->url.c_str(), 1), 0);
