@@ -29,7 +29,7 @@ endif()
 
 # Tests are many programs, so the quickest linker there is; optimising across files takes the compiler's own.
 find_program(RTPM_MOLD mold)
-if(RTPM_MOLD AND NOT WIN32 AND PROJECT_IS_TOP_LEVEL AND NOT RTPM_LTO AND NOT RTPM_SANITIZE)
+if(RTPM_MOLD AND NOT CMAKE_CROSSCOMPILING AND PROJECT_IS_TOP_LEVEL AND NOT RTPM_LTO AND NOT RTPM_SANITIZE)
   target_link_options(rtpm_build_flags INTERFACE -fuse-ld=mold)
 endif()
 
