@@ -39,7 +39,7 @@ constexpr std::array kLimits{
           &SafetyConfig::power_watt_max, 0.01},
     Limit{"velocity_m_per_s_max", "m/s", "Faster motion takes the force away until recovery.",
           &SafetyConfig::velocity_m_per_s_max, 0.01},
-    Limit{"force_newton_continuous", "N", "Force that the motors endure for ever.",
+    Limit{"force_newton_continuous", "N", "Force that the motors can apply without end.",
           &SafetyConfig::force_newton_continuous, 0.1},
     Limit{"passivity_watt", "W", "Power that the passivity guard lets through for ever.",
           &SafetyConfig::passivity_watt, 0},

@@ -135,6 +135,10 @@ const DeviceCycle::HeldCommand* DeviceCycle::command_of(MonotonicTime now,
     }
   }
   outputs_.take();
+  // SYNC POINT not-finite
+  const bool is_latching =
+      not_finite_of_.load(std::memory_order_relaxed) != Lease::kNobody &&
+      not_finite_of_.exchange(Lease::kNobody, std::memory_order_acq_rel) == holder;
   const Request rearm = take_request(rearm_request_, holder);
   const Request recover = take_request(recover_request_, holder);
   if (rearm.what != 0 && emergency_.is_set()) is_rearmed_ = emergency_.rearm(rearm.stop_number);
@@ -143,6 +147,8 @@ const DeviceCycle::HeldCommand* DeviceCycle::command_of(MonotonicTime now,
     // Commands from before it belong to the fault or the stop.
     drop_commands();
     models_.drop_before_release();
+  } else if (is_latching) {
+    held_ = {holder, {}, {kNotFinite, now, now + config_.period}};
   }
   if (emergency_.is_set()) {
     drop_commands();
@@ -508,9 +514,10 @@ expected<void, DeviceOutcome> DeviceCycle::submit(const ClientCommand& command,
   }
   static_cast<void>(lease_.use(command.lease));
   command_count_.fetch_add(1, std::memory_order_relaxed);
-  // The filter sees this setpoint as well: zero force and a latched fault.
-  if (!is_finite(command.setpoint)) return unexpected{DeviceOutcome::kNotFinite};
-  return {};
+  if (is_finite(command.setpoint)) return {};
+  // SYNC POINT not-finite: the next cycle lets the filter see it: zero force and a latched fault.
+  not_finite_of_.store(command.lease, std::memory_order_release);
+  return unexpected{DeviceOutcome::kNotFinite};
 }
 
 expected<void, ModelsRefusal> DeviceCycle::set_models(const ClientModels& models) noexcept {

@@ -179,6 +179,9 @@ class DeviceCycle {
   LocalModels models_;
   DeviceJobs jobs_{};
   Mailbox<HeldCommand> mailbox_{};
+  /// The lease of a command that was not finite, since the last cycle: a newer command may have
+  /// replaced it in the mailbox.
+  std::atomic<std::uint64_t> not_finite_of_{Lease::kNobody};
   HeldOutputs outputs_{};
   Latest<driver::Sample> published_{};
   Latest<DeviceCounters> published_counters_{};

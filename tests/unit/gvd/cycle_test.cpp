@@ -432,6 +432,30 @@ TEST_F(Cycle, ANonFiniteNumberIsRefusedAndLatchesUntilRecovery) {
   reach(5);
 }
 
+TEST_F(Cycle, ANonFiniteNumberLatchesAlsoIfANewerCommandReplacesItWithinACycle) {
+  acquire();
+  reach(5);
+  EXPECT_EQ(command(std::numeric_limits<double>::quiet_NaN()).error(), DeviceOutcome::kNotFinite);
+  ASSERT_TRUE(command(5));
+  run();
+  EXPECT_EQ(applied(), 0);
+  EXPECT_TRUE(sample().faults.has(Fault::kCommandNotFinite));
+  ASSERT_TRUE(cycle_->request(lease_, Release::kRecover));
+  run();
+  EXPECT_FALSE(sample().faults.has(Fault::kCommandNotFinite));
+  reach(5);
+}
+
+TEST_F(Cycle, ANonFiniteNumberOfAnEarlierHolderLatchesNothing) {
+  acquire();
+  reach(5);
+  EXPECT_EQ(command(std::numeric_limits<double>::quiet_NaN()).error(), DeviceOutcome::kNotFinite);
+  ASSERT_TRUE(cycle_->lease().release(lease_));
+  acquire();
+  run();
+  EXPECT_FALSE(sample().faults.has(Fault::kCommandNotFinite));
+}
+
 TEST_F(Cycle, LateAndCorruptCyclesChangeNoValueAndShow) {
   driver_.script = [](const driver::Command&, driver::Sample& sample) {
     sample.pose.position_m.x = 7;
