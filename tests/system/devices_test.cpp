@@ -241,6 +241,8 @@ TEST_F(Devices, ConfirmTheRequestsOfAnOperator) {
     expect_text(end.output, {"lab/arm0 is free: the right to command was given back"});
     return end.output;
   };
+  const auto recovered = rtpm({"take-over", "lab/arm0", "recover"});
+  expect_one_sentence(recovered, 1, {"no fault is latched, but the emergency stop holds", "rearm"});
   EXPECT_NE(transition("rearm").find("lab/arm0 is rearmed"), std::string::npos);
   EXPECT_NE(transition("deactivate").find("lab/arm0 is inactive"), std::string::npos);
   EXPECT_NE(transition("activate").find("lab/arm0 is active"), std::string::npos);

@@ -81,6 +81,14 @@ std::string standing_of(const driver::Sample& sample) {
          ", faults: " + to_text(sample.faults);
 }
 
+/// The reason why a recovered device still applies no force; empty if there is none.
+std::string hindrance_of(const driver::Sample& sample) {
+  if (sample.faults.has(driver::Fault::kEmergencyStop)) {
+    return "the emergency stop holds its force back; to end it: rtpm take-over DEVICE rearm";
+  }
+  return is_active(sample) ? std::string() : standing_of(sample);
+}
+
 /// Requests the transition, and waits until the device's samples show it.
 /// @return the exit code
 int perform(Context& context, gvd::DeviceClient& device, const std::string& name,
@@ -93,6 +101,9 @@ int perform(Context& context, gvd::DeviceClient& device, const std::string& name
   while (true) {
     const auto sample = device.read();
     if (sample && transition.has_effect(*sample)) {
+      if (transition.has_effect == &is_recovered && !hindrance_of(*sample).empty()) {
+        return fail(context, name, prefix + "no fault is latched, but " + hindrance_of(*sample));
+      }
       tell(context, name, transition.state, transition.sentence);
       return kDone;
     }
