@@ -8,7 +8,7 @@
 namespace rtpm::camerad {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, std::string_view>, 20> kPackages{
+constexpr std::array<std::pair<std::string_view, std::string_view>, 21> kPackages{
     {{"x264enc", "plugins-ugly"},      {"v4l2src", "plugins-good"},
      {"jpegenc", "plugins-good"},      {"pulsesrc", "pulseaudio"},
      {"udpsrc", "plugins-good"},       {"rtspsrc", "plugins-good"},
@@ -18,7 +18,8 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 20> kPackage
      {"audioconvert", "plugins-base"}, {"videotestsrc", "plugins-base"},
      {"audiotestsrc", "plugins-base"}, {"h264parse", "plugins-bad"},
      {"openh264enc", "plugins-bad"},   {"vah264enc", "plugins-bad"},
-     {"libcamerasrc", "libcamera"},    {"pipewiresrc", "pipewire"}}};
+     {"libcamerasrc", "libcamera"},    {"pipewiresrc", "pipewire"},
+     {"appsrc", "plugins-base"}}};
 
 /// The element that 'no element "x264enc"' names; empty if the text is another.
 std::string missing_element(std::string_view text) {

@@ -53,7 +53,7 @@ void add_device(options::Options options, DeviceSettings& device) {
   options.add("velocity-max", device.velocity_max_m_per_s,
               "Faster motion takes the force away, in m/s; 0: 5 m/s", {0, 1000});
   options.add("force-continuous", device.force_continuous_newton,
-              "Force that the motors endure for ever, in newton; 0: 0.6 of the greatest",
+              "Force that the motors can apply without end, in newton; 0: 0.6 of the greatest",
               {0, 1000});
   options.add("passivity-watt", device.passivity_watt,
               "Power that the passivity guard lets through for ever; 0: 0.001 W", {0, 1000});

@@ -111,8 +111,8 @@ void add_echo(CLI::App& program, Context& context) {
       "  rtpm echo --filter 'type(lab.Touched) and source(3) and force.z > 2' --count 10\n"
       "Each line has the origin's time in seconds, type, source (a device's name, else a\n"
       "number), sequence and the payload.\n"
-      "Events that came too quickly for this reader are told as lost. A device is polled, without\n"
-      "a hub: each line has its host's time in seconds, name, sequence and the sample.\n",
+      "Events that came too quickly for this reader are reported as lost. A device is polled,\n"
+      "without a hub: each line has its host's time in seconds, name, sequence and the sample.\n",
       [request](Context& c) { return echo(c, *request); });
   add_target(command, request->device, "DEVICE")
       .required(false)

@@ -22,7 +22,7 @@ void add_event_options(CLI::App& command, EventRequest& request) {
       .add_option("--filter", request.filter,
                   "Which events: 'type(lab.Touched) and force.z > 2', see FILTERS.md")
       ->capture_default_str();
-  add_count(command, "--every", request.every_nth, "Only the first, and then each so manieth", 1u,
+  add_count(command, "--every", request.every_nth, "Only the first event, and then every Nth", 1u,
             1'000'000'000u);
   add_duration(command, "--for", request.time, "How long; without: until Ctrl-C",
                {Duration{0}, std::chrono::hours{24 * 365}});

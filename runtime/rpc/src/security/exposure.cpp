@@ -24,7 +24,7 @@ expected<std::string, SetupError> grants_file_of(const ServerSecurity& security,
   auto file = access::key_file_path({}, access::kAuthorizedFile);
   if (file && access::stamp_of(*file).is_of_file()) return std::move(*file);
   return setup_error(
-      "it does not serve other hosts before it is said whom",
+      "it serves no other host until a grant names one",
       file ? printable(*file, kShownWhole) + " is not there" : file.error().reason(),
       "rtpm key authorize 'rtpm25519 KEY NAME' --role command --on '**', with the line that "
       "`rtpm key new` prints at the caller, where `rtpm key learn HOST` then makes this server "
