@@ -1,6 +1,6 @@
 # The installation: the libraries of the floors with their headers, rtpmc with its schemas, the programs, the
-# CMake package, pkg-config files; a Debian package of them, for Windows a zip. Two components: `development` (all
-# that another project builds with) and `programs`.
+# CMake package, pkg-config files; for Windows a zip of them. Two components: `development` (all that another
+# project builds with) and `programs`. Debian packages are made of it by debian/rules.
 include(GNUInstallDirs)
 include(RtpmPublicHeaders)
 include(CMakePackageConfigHelpers)
@@ -144,7 +144,7 @@ Requires: rtpm-events, rtpm-names, rtpm-rpc, rtpm-idl
     DESTINATION "${CMAKE_INSTALL_LIBDIR}/pkgconfig" COMPONENT development)
 endfunction()
 
-# The CMake package, the schemas, and the Debian package or the zip; called once, last.
+# The CMake package, the schemas, and the archive; called once, last.
 function(rtpm_install_package)
   set(RTPM_INSTALL_IDL_DIR "${CMAKE_INSTALL_DATADIR}/rtpm/idl")
   if(NOT WIN32)
@@ -193,28 +193,10 @@ function(rtpm_install_package)
     install(FILES "${rtpm_SOURCE_DIR}/docs/windows.md" DESTINATION . RENAME README.md COMPONENT programs)
     install(FILES "${rtpm_SOURCE_DIR}/LICENSE" DESTINATION . RENAME LICENSE.txt COMPONENT programs)
   else()
-    rtpm_set_up_debian_packages()
+    set(CPACK_GENERATOR TGZ)
   endif()
   file(GENERATE OUTPUT "${CMAKE_CURRENT_BINARY_DIR}/rtpm-package-is-whole.cmake"
     CONTENT "${package_code}")
   set(CPACK_PRE_BUILD_SCRIPTS "${CMAKE_CURRENT_BINARY_DIR}/rtpm-package-is-whole.cmake")
   include(CPack)
 endfunction()
-
-# One package each: librtpm-dev to build with, rtpm to run.
-macro(rtpm_set_up_debian_packages)
-  set(CPACK_GENERATOR DEB)
-  set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
-  set(CPACK_DEB_COMPONENT_INSTALL ON)
-  set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME librtpm-dev)
-  set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
-    "libflatbuffers-dev (>= 2.0.8), libflatbuffers-dev (<< 26), flatbuffers-compiler, libsodium-dev")
-  # What rtpm::asio includes, and what recordings and stores of names link.
-  set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_RECOMMENDS
-    "libasio-dev | libboost-dev, libcurl4-openssl-dev, liblz4-dev, libsqlite3-dev, libzstd-dev, zlib1g-dev")
-  set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
-  set(CPACK_DEBIAN_PROGRAMS_PACKAGE_NAME rtpm)
-  set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SECTION net)
-  set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
-  set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
-endmacro()

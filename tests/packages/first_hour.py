@@ -1,0 +1,72 @@
+#!/usr/bin/env python3
+"""Goes a newcomer's ways on a bare Debian 12, and says how long each took.
+
+wheels  pip install of the wheels, `rtpm demo`       needs `./dev wheel`
+source  `./dev demo` in a clean checkout             compiles for minutes
+
+Exit codes: 0 all holds, or nothing could be tested, which a line "[  SKIPPED ]" says; 1 a check failed.
+"""
+import argparse
+import shutil
+import sys
+import time
+from pathlib import Path
+
+from root import Failure, Root, Step, clear, make_root, require, run, skip
+
+SOURCE = Path(__file__).resolve().parents[2]
+DEMO_SECONDS_MAX = 60
+
+
+def expect_demo(root: Root, command: str, seconds_max: float) -> None:
+    """The command shows the laboratory for 3 s; prints how long it took beside them."""
+    begin = time.monotonic()
+    said = root.run(f"{command} --seconds 3")
+    seconds = time.monotonic() - begin - 3
+    if "lab/arm0" not in said or "p99" not in said:
+        raise Failure(f"{command} shows no laboratory: {said}")
+    print(f"           {command}: the laboratory came up and went in {seconds:.1f} s", flush=True)
+    if seconds > seconds_max:
+        raise Failure(f"{command} took {seconds:.0f} s, more than {seconds_max:.0f} s")
+
+
+def try_wheels(root: Root, wheels: list[Path]) -> None:
+    root.path("/wheels").mkdir()
+    for wheel in wheels:
+        shutil.copy(wheel, root.path("/wheels"))
+    with Step("installed python3-venv"):
+        root.run("apt-get -qq update && apt-get -qq install --yes --no-install-recommends python3-venv")
+    with Step("pip install *.whl"):
+        root.run("python3 -m venv /lab && /lab/bin/pip install --quiet /wheels/*.whl")
+    expect_demo(root, "/lab/bin/rtpm demo", DEMO_SECONDS_MAX)
+
+
+def try_source(root: Root) -> None:
+    run("git", "clone", "--quiet", SOURCE, root.path("/rtpm"))
+    with Step("installed git, for a checkout"):
+        root.run("apt-get -qq update && apt-get -qq install --yes --no-install-recommends ca-certificates git")
+    expect_demo(root, "cd /rtpm && ./dev demo", 1800)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cache", type=Path, required=True, help="where roots are kept")
+    parser.add_argument("--wheels", type=Path, help="the folder of the wheels; without it: of the sources")
+    options = parser.parse_args()
+    require("packages.first_hour")
+    wheels = sorted(options.wheels.glob("*.whl")) if options.wheels else []
+    if options.wheels and not wheels:
+        skip("packages.first_hour", "there are no wheels; run ./dev wheel")
+    options.cache.mkdir(parents=True, exist_ok=True)
+    root = make_root(options.cache, options.cache / "first_hour", "bare", "")
+    if options.wheels:
+        try_wheels(root, wheels)
+    else:
+        try_source(root)
+    clear(root.folder)
+
+
+try:
+    main()
+except Failure as failure:
+    sys.exit(f"packages.first_hour: {failure}")

@@ -1,0 +1,112 @@
+"""Folders with a Debian system of their own, in which the tests install packages of RTPM."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+TOOLS = {"mmdebstrap": "mmdebstrap", "zstd": "zstd"}
+ENVIRONMENT = {"DEBIAN_FRONTEND": "noninteractive", "LC_ALL": "C.UTF-8", "HOME": "/root",
+               "PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "TERM": "dumb",
+               **{name: value for name, value in os.environ.items() if name.lower().endswith("_proxy")}}
+
+
+class Failure(Exception):
+    """A check that does not hold, in a sentence."""
+
+
+def skip(test, reason):
+    """Ends the program; ctest shows the test as skipped."""
+    print(f"[  SKIPPED ] {test}: {reason}", flush=True)
+    raise SystemExit(0)
+
+
+def require(test, packages=None):
+    """Skips the test where the packages, a right or a tool is missing; returns the packages."""
+    found = sorted(packages.glob("*.deb")) if packages else []
+    if packages and not found:
+        skip(test, "there are no packages; run ./dev deb")
+    if os.geteuid() != 0:
+        skip(test, "only root can make a root for the packages; run it as root")
+    for tool, package in TOOLS.items():
+        if shutil.which(tool) is None:
+            skip(test, f"{tool} is missing; apt-get install {package}")
+    return found
+
+
+def run(*command, check=True, **options):
+    done = subprocess.run([str(word) for word in command], text=True, stdin=subprocess.DEVNULL,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **options)
+    if check and done.returncode != 0:
+        raise Failure(f"{shlex.join(map(str, command))} ended with {done.returncode}:\n"
+                      + "\n".join(done.stdout.splitlines()[-30:]))
+    return done.stdout
+
+
+class Step:
+    """Prints what is done and how long it took."""
+
+    def __init__(self, text):
+        self.text = text
+
+    def __enter__(self):
+        self.begin = time.monotonic()
+
+    def __exit__(self, kind, *_):
+        seconds = time.monotonic() - self.begin
+        print(f"[{seconds:6.1f} s] {self.text}{'' if kind is None else ': FAILED'}", flush=True)
+
+
+class Root:
+    """A folder with a Debian system, entered with process ids and mounts of its own."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def run(self, script, check=True):
+        """Runs a shell script in the root, with the host's network; its processes end with it."""
+        return run("unshare", "--mount", "--pid", "--fork", "--kill-child", "bash", "-c",
+                   'mount -t proc proc "$0/proc" && mount --rbind /dev "$0/dev" && '
+                   'exec chroot "$0" /bin/bash -euc "$1"', self.folder, script,
+                   check=check, env=ENVIRONMENT)
+
+    def path(self, path):
+        return self.folder / path.lstrip("/")
+
+
+def clear(folder):
+    """Removes a root; --one-file-system spares what an interrupted run left mounted."""
+    run("rm", "-rf", "--one-file-system", folder)
+
+
+def debian_server():
+    """The server and the release that this machine's own packages come from."""
+    name = re.search(r"VERSION_CODENAME=(\w+)", Path("/etc/os-release").read_text())[1]
+    lines = run("apt-get", "indextargets", "--format", "$(REPO_URI)", "Created-By: Packages",
+                "Component: main", f"Codename: {name}").split()
+    return lines[0], name
+
+
+def make_root(cache, folder, kind, packages):
+    """Unpacks a system with these packages, separated by commas, and without RTPM.
+
+    The first time, it is made by mmdebstrap, and kept in the cache as `kind`.
+    """
+    clear(folder)
+    base = cache / f"{kind}.tar.zst"
+    made_of = cache / f"{kind}.packages"
+    if not base.exists() or made_of.read_text() != packages:
+        server, name = debian_server()
+        with Step(f"made the root '{kind}' by mmdebstrap"):
+            run("mmdebstrap", "--quiet", "--variant=apt", *([f"--include={packages}"] if packages else []),
+                name, f"{base}.new.tar", server)
+            run("zstd", "--quiet", "--force", "-3", "--rm", f"{base}.new.tar", "-o", base)
+        made_of.write_text(packages)
+    folder.mkdir(parents=True)
+    with Step(f"unpacked the root '{kind}'"):
+        run("tar", "--extract", "--file", base, "--directory", folder, "--exclude=./dev/*")
+    shutil.copy("/etc/resolv.conf", folder / "etc/resolv.conf")
+    return Root(folder)
