@@ -74,7 +74,9 @@ int flight_record(Context& context, const FlightRecordRequest& request) {
                         ": its flight record was not read: " + std::string(to_string(log.error())));
   }
   if (log->number == 0) {
-    return context.fail(name + ": has no flight record: there was no fault since its start");
+    return context.fail(name +
+                        ": has no flight record: there was no fault since its start, or it was a "
+                        "moment ago; ask again in a second");
   }
   if (!request.file.empty()) return write_file(context, request, *log);
   if (context.json) {
