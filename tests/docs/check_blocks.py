@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 """Reads all pages of docs/: each block has a test, is a part of a tested file, or says why not.
 
-The pages of SHORT explain by fragments; they are checked for files only.
+The pages of SHORT explain by fragments; they are checked for files only. The tables of faults have
+each fault of gvd/driver, with its value and its words.
 """
 
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from pathlib import Path
 
@@ -39,9 +41,30 @@ def faults_of(block: Block) -> str | None:
     return None
 
 
+def faults_of_fault_tables() -> list[str]:
+    """The rows that the pages lack of the faults of a sample."""
+    driver = TREE / "gvd" / "driver"
+    declared = (driver / "include/rtpm/driver/sample.hpp").read_text("utf-8")
+    bits = dict(re.findall(r"\b(k\w+) =\s*1u << (\d+)", declared))
+    source = (driver / "src/words.cpp").read_text("utf-8")
+    words = dict(re.findall(r"Fault::(k\w+), \"([^\"]+)\"", source))
+    how_to, python = (
+        (TREE / "docs" / page).read_text("utf-8")
+        for page in ("how-to/faulted-device.md", "reference/python.md")
+    )
+    faults = [] if bits.keys() == words.keys() and bits else ["faults without bits or words"]
+    for name, bit in bits.items():
+        row = f"| {1 << int(bit)} | {words.get(name)} |"
+        if f"| {bit} {row} `{name}` |" not in how_to:
+            faults.append(f"how-to/faulted-device.md lacks '| {bit} {row} `{name}` |'")
+        if row not in python:
+            faults.append(f"reference/python.md lacks '{row}'")
+    return faults
+
+
 def main() -> int:
     counts: dict[str, int] = {}
-    faults = []
+    faults = faults_of_fault_tables()
     for page in sorted((TREE / "docs").rglob("*.md")):
         if page.stem in SHORT and page.parent == TREE / "docs":
             continue
