@@ -1,4 +1,4 @@
-// The example of README.md as a whole program: an arm that is served and called.
+// An arm that is served and called, as a whole program.
 #include <chrono>
 #include <cstdio>
 #include <lab.rtpm.hpp>

@@ -14,17 +14,17 @@
 #include "programs.hpp"
 #include "rtpm/test/os.hpp"
 
-// Two machines, as network namespaces: README's section "Let another machine in", word for word,
-// and the message of each wrong step.
+// Two machines, as network namespaces: the section "Let another machine in" of docs/security.md,
+// word for word, and the message of each wrong step.
 namespace rtpm::system_test {
 namespace {
 
-constexpr const char* kServerAddress = "192.168.7.4";  // The address in README.
+constexpr const char* kServerAddress = "192.168.7.4";  // The address in the page.
 constexpr const char* kRegistry = "rtpm://192.168.7.4:7420/rtpm/names";
 
-/// The commands of a section of README, without their comments.
-std::vector<std::string> commands_of_readme(const std::string& title) {
-  std::ifstream file(RTPM_README);
+/// The commands of a section of the page, without their comments.
+std::vector<std::string> commands_of_page(const std::string& title) {
+  std::ifstream file(RTPM_SECURITY_PAGE);
   std::vector<std::string> commands;
   bool is_inside = false;
   for (std::string line; std::getline(file, line);) {
@@ -95,14 +95,14 @@ class TwoMachines : public testing::Test {
   std::optional<Host> server_, caller_;
 };
 
-TEST_F(TwoMachines, AreSetUpAsTheReadmeSays) {
-  const std::vector<std::string> commands = commands_of_readme("Let another machine in");
+TEST_F(TwoMachines, AreSetUpAsThePageSays) {
+  const std::vector<std::string> commands = commands_of_page("Let another machine in");
   ASSERT_EQ(commands.size(), 6U);
   const auto begin = std::chrono::steady_clock::now();
 
   const auto made = at_caller(commands[0]);
   EXPECT_EQ(made.exit_code, 0) << made.errors;
-  // A user pastes this command on the other machine; it is README's except for the key.
+  // A user pastes this command on the other machine; it is the page's except for the key.
   const std::string authorize = part(made.output, "rtpm key authorize ", "'**'");
   const auto without_key = [](const std::string& command) {
     return command.substr(0, command.find('\'')) + command.substr(command.find("' --role"));

@@ -61,6 +61,10 @@ void take_lines(const std::string& place, const std::string& text, std::vector<E
   std::istringstream lines(text);
   bool is_fenced = false;
   for (std::string line; std::getline(lines, line);) {
+    for (std::string more; line.ends_with(" \\") && std::getline(lines, more);) {
+      line.pop_back();
+      line += more.substr(std::min(more.find_first_not_of(' '), more.size()));
+    }
     if (line.starts_with("```")) is_fenced = !is_fenced;
     const bool is_code = is_fenced || line.starts_with("    ") || line.starts_with("  rtpm ");
     if (is_code && stripped(line).starts_with("rtpm ")) examples.push_back({place, stripped(line)});
@@ -80,8 +84,8 @@ std::string content_of(const fs::path& path) {
 
 std::vector<Example> examples() {
   std::vector<Example> found;
-  for (const char* folder :
-       {"clients", "devices", "docs", "gvd", "registry", "runtime", "schema"}) {
+  for (const char* folder : {"clients", "devices", "docs", "examples", "gvd", "packaging",
+                             "registry", "runtime", "schema"}) {
     for (const auto& entry : fs::recursive_directory_iterator(fs::path(RTPM_SOURCE) / folder)) {
       if (entry.path().extension() == ".md")
         take_lines(fs::relative(entry.path(), RTPM_SOURCE), content_of(entry.path()), found);
