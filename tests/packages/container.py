@@ -15,18 +15,23 @@ from pathlib import Path
 from root import Failure, Root, Step, clear, make_root, require
 
 #: Files that tell programs of a container, and the sizes and rights that Docker gives without options.
-BARE = ("touch /.dockerenv; mount -t tmpfs -o size=64m tmpfs /dev/shm; ulimit -r 0; ulimit -l 64;",
-        "--bounding-set -sys_nice,-ipc_lock --inh-caps -all")
+BARE = (
+    "touch /.dockerenv; mount -t tmpfs -o size=64m tmpfs /dev/shm; ulimit -r 0; ulimit -l 64;",
+    "--bounding-set -sys_nice,-ipc_lock --inh-caps -all",
+)
 #: With those that the recipe asks for. Capabilities stand in for the limits, which not every root may raise.
-FULL = ("touch /.dockerenv; mount -t tmpfs -o size=1g tmpfs /dev/shm;",
-        "--inh-caps +sys_nice,+ipc_lock --ambient-caps +sys_nice,+ipc_lock")
+FULL = (
+    "touch /.dockerenv; mount -t tmpfs -o size=1g tmpfs /dev/shm;",
+    "--inh-caps +sys_nice,+ipc_lock --ambient-caps +sys_nice,+ipc_lock",
+)
 
 
 def steps_of(recipe: Path) -> list[tuple[str, str]]:
     """The recipe's instructions and their arguments, in order."""
     text = recipe.read_text().replace("\\\n", " ")
     lines = [line.strip() for line in text.splitlines()]
-    return [tuple(line.split(maxsplit=1)) for line in lines if line and not line.startswith("#")]
+    steps = [line.partition(" ") for line in lines if line and not line.startswith("#")]
+    return [(step, argument.strip()) for step, _, argument in steps]
 
 
 class Container:

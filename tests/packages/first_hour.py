@@ -6,6 +6,7 @@ source  `./dev demo` in a clean checkout             compiles for minutes
 
 Exit codes: 0 all holds, or nothing could be tested, which a line "[  SKIPPED ]" says; 1 a check failed.
 """
+
 import argparse
 import os
 import shutil
@@ -44,7 +45,9 @@ def try_wheels(root: Root, wheels: list[Path]) -> None:
     for wheel in wheels:
         shutil.copy(wheel, root.path("/wheels"))
     with Step("installed python3-venv"):
-        root.run("apt-get -qq update && apt-get -qq install --yes --no-install-recommends python3-venv")
+        root.run(
+            "apt-get -qq update && apt-get -qq install --yes --no-install-recommends python3-venv"
+        )
     trust_this_machines_proxy(root)
     with Step("pip install *.whl"):
         root.run("python3 -m venv /lab && /lab/bin/pip install --quiet /wheels/*.whl")
@@ -54,14 +57,18 @@ def try_wheels(root: Root, wheels: list[Path]) -> None:
 def try_source(root: Root) -> None:
     run("git", "clone", "--quiet", SOURCE, root.path("/rtpm"))
     with Step("installed git, for a checkout"):
-        root.run("apt-get -qq update && apt-get -qq install --yes --no-install-recommends ca-certificates git")
+        root.run(
+            "apt-get -qq update && apt-get -qq install --yes --no-install-recommends ca-certificates git"
+        )
     expect_demo(root, "cd /rtpm && ./dev demo", 1800)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cache", type=Path, required=True, help="where roots are kept")
-    parser.add_argument("--wheels", type=Path, help="the folder of the wheels; without it: of the sources")
+    parser.add_argument(
+        "--wheels", type=Path, help="the folder of the wheels; without it: of the sources"
+    )
     options = parser.parse_args()
     require("packages.first_hour")
     wheels = sorted(options.wheels.glob("*.whl")) if options.wheels else []

@@ -12,16 +12,18 @@ from pathlib import Path
 RELEASE = Path(__file__).resolve().parents[2] / "packaging/release.py"
 
 
-def release(*arguments):
-    return subprocess.run([sys.executable, "-B", RELEASE, *map(str, arguments)], capture_output=True, text=True)
+def release(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-B", RELEASE, *map(str, arguments)], capture_output=True, text=True
+    )
 
 
-def programs_of(folder):
+def programs_of(folder: Path) -> list[Path]:
     """RTPM's own programs; those of tests begin otherwise."""
     return [file for file in sorted(folder.glob("rtpm*")) if file.read_bytes()[:4] == b"\x7fELF"]
 
 
-def main():
+def main() -> None:
     programs, folder = map(Path, sys.argv[1:])
     out = folder / "rtpm.cdx.json"
     made = release("sbom", out, *programs_of(programs))
@@ -36,7 +38,9 @@ def main():
         from cyclonedx.schema import SchemaVersion
         from cyclonedx.validation.json import JsonStrictValidator
     except ImportError:
-        print("[  SKIPPED ] needs cyclonedx-python-lib[json-validation] from PyPI, which ./dev test installs")
+        print(
+            "[  SKIPPED ] needs cyclonedx-python-lib[json-validation] from PyPI, which ./dev test installs"
+        )
         return
     fault = JsonStrictValidator(SchemaVersion.V1_5).validate_str(text)
     assert fault is None, fault

@@ -4,6 +4,8 @@
 Exit codes: 0 all holds, or nothing could be tested, which a line "[  SKIPPED ]" says; 1 a check failed.
 """
 
+from __future__ import annotations
+
 import argparse
 import re
 import shutil
@@ -13,7 +15,7 @@ import sys
 import time
 from pathlib import Path
 
-from root import ENVIRONMENT, Failure, Step, clear, make_root, require, run, skip
+from root import ENVIRONMENT, Failure, Root, Step, clear, found, make_root, require, run, skip
 
 TEST = "packages.system"
 HERE = Path(__file__).resolve().parent
@@ -23,12 +25,14 @@ EXPOSURE_MAX = 3.0
 DEMO_SECONDS_MAX = 60
 # The root before RTPM: systemd, compilers for the programs that use the packages, and what
 # rtpm-daemons recommends for cameras.
-BASE_PACKAGES = ("systemd-sysv,dbus,udev,man-db,gcc,g++,cmake,make,pkg-config,default-jdk-headless,"
-                 "gstreamer1.0-plugins-base,gstreamer1.0-plugins-good,gstreamer1.0-plugins-ugly")
+BASE_PACKAGES = (
+    "systemd-sysv,dbus,udev,man-db,gcc,g++,cmake,make,pkg-config,default-jdk-headless,"
+    "gstreamer1.0-plugins-base,gstreamer1.0-plugins-good,gstreamer1.0-plugins-ugly"
+)
 CAP_SYS_RESOURCE = 1 << 24
 
 
-def install(root, cache, packages):
+def install(root: Root, cache: Path, packages: list[Path]) -> None:
     """Installs all packages; what they need is downloaded once, into the cache."""
     archives = cache / "archives"
     archives.mkdir(exist_ok=True)
@@ -40,13 +44,15 @@ def install(root, cache, packages):
     for archive in archives.glob("*.deb"):
         shutil.copy(archive, kept)
     with Step(f"installed {len(packages)} packages with what they need"):
-        root.run("apt-get -qq update && apt-get -qq -o APT::Keep-Downloaded-Packages=true install --yes "
-                 "--no-install-recommends /packages/*.deb")
+        root.run(
+            "apt-get -qq update && apt-get -qq -o APT::Keep-Downloaded-Packages=true install --yes "
+            "--no-install-recommends /packages/*.deb"
+        )
     for archive in kept.glob("*.deb"):
         shutil.move(archive, archives / archive.name)
 
 
-def try_programs(root):
+def try_programs(root: Root) -> None:
     said = root.run("rtpm --version")
     if not re.fullmatch(r"rtpm \d+\.\d+\.\d+\n", said):
         raise Failure(f"rtpm --version says {said!r}")
@@ -60,22 +66,32 @@ def try_programs(root):
     if "lab/arm0" not in said or "p99" not in said:
         raise Failure(f"the demo shows no laboratory: {said}")
     if seconds > DEMO_SECONDS_MAX:
-        raise Failure(f"the demo needs {seconds:.0f} s to come up and go, more than {DEMO_SECONDS_MAX} s")
+        raise Failure(
+            f"the demo needs {seconds:.0f} s to come up and go, more than {DEMO_SECONDS_MAX} s"
+        )
     print(f"           rtpm demo: its laboratory comes up and goes in {seconds:.1f} s", flush=True)
 
 
-def try_libraries(root):
+def try_libraries(root: Root) -> None:
     shutil.copytree(HERE / "programs", root.path("/programs"))
-    root.run("cd /programs && cc -Wall -Werror hello.c -o hello $(pkg-config --cflags --libs rtpm-c) && ./hello")
+    root.run(
+        "cd /programs && cc -Wall -Werror hello.c -o hello $(pkg-config --cflags --libs rtpm-c) && ./hello"
+    )
     shutil.copytree(HERE.parent / "embed/find_package", root.path("/programs/find_package"))
-    root.run("cd /programs && cmake -S find_package -B build && cmake --build build && build/embedder")
-    root.run("python3 -c 'import rtpm; print(rtpm.__version__); import importlib.metadata; "
-             "assert importlib.metadata.version(\"rtpm\") == rtpm.__version__'")
+    root.run(
+        "cd /programs && cmake -S find_package -B build && cmake --build build && build/embedder"
+    )
+    root.run(
+        "python3 -c 'import rtpm; print(rtpm.__version__); import importlib.metadata; "
+        'assert importlib.metadata.version("rtpm") == rtpm.__version__\''
+    )
     root.run("java -cp /usr/share/java/rtpm.jar /programs/Hello.java")
-    root.run("test -e /usr/lib/*/gstreamer-1.0/libgstrtpm.so && rtpm-ros2 --version && rtpm-camerad --version")
+    root.run(
+        "test -e /usr/lib/*/gstreamer-1.0/libgstrtpm.so && rtpm-ros2 --version && rtpm-camerad --version"
+    )
 
 
-def judge_units(root):
+def judge_units(root: Root) -> None:
     """Static checks of the units; prints how exposed each is."""
     names = " ".join(f"{unit}.service" for unit in UNITS)
     said = root.run(f"systemd-analyze verify --man=no --recursive-errors=no {names} 2>&1")
@@ -83,28 +99,43 @@ def judge_units(root):
         raise Failure(f"systemd-analyze verify: {said}")
     for unit in UNITS:
         said = root.run(f"systemd-analyze security --offline=yes --no-pager {unit}.service")
-        exposure = float(re.search(r"Overall exposure level for \S+: ([0-9.]+)", said)[1])
+        exposure = float(found(r"Overall exposure level for \S+: ([0-9.]+)", said))
         print(f"           {unit}: exposure {exposure}", flush=True)
         if exposure > EXPOSURE_MAX:
-            raise Failure(f"{unit}.service is exposed by {exposure}, more than {EXPOSURE_MAX}:\n{said}")
+            raise Failure(
+                f"{unit}.service is exposed by {exposure}, more than {EXPOSURE_MAX}:\n{said}"
+            )
 
 
 class Machine:
     """The root, booted by systemd-nspawn with a network of its own."""
 
-    def __init__(self, root, log):
+    def __init__(self, root: Root, log: Path) -> None:
         self.root, self.log = root, log
 
-    def __enter__(self):
+    def __enter__(self) -> Machine:
         self.output = open(self.log, "w")
         # A session of its own, so that nothing but the container gets its signals.
         self.process = subprocess.Popen(
-            ["systemd-nspawn", "--quiet", "--register=no", "--keep-unit", "--private-network", "--boot",
-             "--console=pipe", "--resolv-conf=off", f"--directory={self.root.folder}"],
-            stdin=subprocess.DEVNULL, stdout=self.output, stderr=subprocess.STDOUT, start_new_session=True)
+            [
+                "systemd-nspawn",
+                "--quiet",
+                "--register=no",
+                "--keep-unit",
+                "--private-network",
+                "--boot",
+                "--console=pipe",
+                "--resolv-conf=off",
+                f"--directory={self.root.folder}",
+            ],
+            stdin=subprocess.DEVNULL,
+            stdout=self.output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.process.send_signal(signal.SIGTERM)
         try:
             self.process.wait(30)
@@ -113,11 +144,15 @@ class Machine:
             self.process.wait()
         self.output.close()
 
-    def boots(self):
+    def boots(self) -> bool:
         """Whether systemd comes up; where it does not, the reason is in the log."""
         deadline = time.monotonic() + 60
         while time.monotonic() < deadline and self.process.poll() is None:
-            children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+            children = (
+                Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+                .read_text()
+                .split()
+            )
             for child in children:
                 try:
                     name = Path(f"/proc/{child}/comm").read_text().strip()
@@ -126,39 +161,58 @@ class Machine:
                 if name == "systemd":
                     self.leader = child
                     if self.run("systemctl is-system-running --wait", check=False).strip() in (
-                            "running", "degraded"):
+                        "running",
+                        "degraded",
+                    ):
                         return True
             time.sleep(0.2)
         return False
 
-    def run(self, script, check=True):
-        return run("nsenter", "--target", self.leader, "--all", "/bin/bash", "-euc", script,
-                   check=check, env=ENVIRONMENT)
+    def run(self, script: str, check: bool = True) -> str:
+        return run(
+            "nsenter",
+            "--target",
+            self.leader,
+            "--all",
+            "/bin/bash",
+            "-euc",
+            script,
+            check=check,
+            env=ENVIRONMENT,
+        )
 
-    def expect(self, script, wanted, seconds=20):
+    def expect(self, script: str, wanted: str, seconds: float = 20) -> None:
         """Waits until the script prints what is wanted."""
         deadline = time.monotonic() + seconds
         while wanted not in (said := self.run(script, check=False)):
             if time.monotonic() > deadline:
                 units = " ".join(SERVICES)
-                state = self.run(f"systemctl status --no-pager {units}; journalctl --no-pager -n 60", check=False)
-                raise Failure(f"after {seconds} s {script!r} says {said!r}, not {wanted!r}:\n{state}")
+                state = self.run(
+                    f"systemctl status --no-pager {units}; journalctl --no-pager -n 60", check=False
+                )
+                raise Failure(
+                    f"after {seconds} s {script!r} says {said!r}, not {wanted!r}:\n{state}"
+                )
             time.sleep(0.2)
 
 
-def try_limits(machine):
+def try_limits(machine: Machine) -> None:
     """The unit's right to real-time scheduling, where this machine can give it."""
     effective = int(machine.run("sed -n 's/^CapEff:\t//p' /proc/1/status"), 16)
     if not effective & CAP_SYS_RESOURCE:
-        print("           not tested: LimitRTPRIO= of the units, as this machine gives nobody CAP_SYS_RESOURCE",
-              flush=True)
+        print(
+            "           not tested: LimitRTPRIO= of the units, as this machine gives nobody CAP_SYS_RESOURCE",
+            flush=True,
+        )
         return
-    limit = machine.run("grep 'realtime priority' /proc/$(systemctl show -P MainPID rtpm-deviced)/limits")
+    limit = machine.run(
+        "grep 'realtime priority' /proc/$(systemctl show -P MainPID rtpm-deviced)/limits"
+    )
     if limit.split()[-2:] != ["90", "90"]:
         raise Failure(f"rtpm-deviced has not the right to real-time scheduling: {limit}")
 
 
-def try_services(machine):
+def try_services(machine: Machine) -> None:
     services = " ".join(SERVICES)
     machine.expect(f"systemctl is-active {services} | sort | uniq -c", f"{len(SERVICES)} active")
     machine.expect("rtpm list", "lab/arm0")
@@ -175,12 +229,14 @@ def try_services(machine):
     for service in SERVICES:
         before = machine.run(f"systemctl show -P MainPID {service}").strip()
         machine.run(f"kill -9 {before}")
-        machine.expect(f"[ $(systemctl show -P MainPID {service}) != {before} ] && systemctl is-active {service}",
-                       "active")
+        machine.expect(
+            f"[ $(systemctl show -P MainPID {service}) != {before} ] && systemctl is-active {service}",
+            "active",
+        )
         machine.expect("rtpm call lab/arm0 read", "position")
 
 
-def later_packages(cache, packages):
+def later_packages(cache: Path, packages: list[Path]) -> list[Path]:
     """The same packages of a later revision, with another default in a configuration file."""
     folder = cache / "later"
     clear(folder)
@@ -202,36 +258,58 @@ def later_packages(cache, packages):
     return sorted(folder.glob("*.deb"))
 
 
-def update(root, cache, packages):
+def update(root: Root, cache: Path, packages: list[Path]) -> None:
     own = "# A line of the administrator.\n"
     with open(root.path("/etc/rtpm/devices.toml"), "a") as file:
         file.write(own)
     later = later_packages(cache, packages)
     for package in later:
         shutil.move(package, root.path("/packages") / f"later-{package.name}")
-    root.run("apt-get -qq -o Dpkg::Options::=--force-confdef -o Dpkg::Options::=--force-confold install --yes "
-             "/packages/later-*.deb")
+    root.run(
+        "apt-get -qq -o Dpkg::Options::=--force-confdef -o Dpkg::Options::=--force-confold install --yes "
+        "/packages/later-*.deb"
+    )
     versions = root.run("dpkg-query --show --showformat='${Version}\\n' rtpm rtpm-daemons").split()
     if set(versions) != {package.name.split("_")[1] for package in later}:
         raise Failure(f"after the update the versions are {versions}")
     if not root.path("/etc/rtpm/devices.toml").read_text().endswith(own):
-        raise Failure("the update has changed /etc/rtpm/devices.toml, which an administrator had edited")
+        raise Failure(
+            "the update has changed /etc/rtpm/devices.toml, which an administrator had edited"
+        )
 
 
-def purge(root, names):
+def purge(root: Root, names: list[str]) -> None:
     root.run(f"apt-get -qq purge --yes {' '.join(names)}")
     shutil.rmtree(root.path("/packages"))
     shutil.rmtree(root.path("/programs"))
     # Not counted: files of the user who ran the demo, man's cache, and a plug-in of GStreamer for RTP.
-    left = run("find", root.folder, "-xdev", "-iname", "*rtpm*", "-not", "-path", f"{root.path(ENVIRONMENT['HOME'])}/*",
-               "-not", "-path", f"{root.folder}/tmp/*", "-not", "-path", f"{root.folder}/var/cache/man/*",
-               "-not", "-name", "libgstrtpmanager.so").splitlines()
-    states = root.run("dpkg-query --show --showformat='${Package} ${db:Status-Abbrev}\\n' | grep rtpm || true")
+    left = run(
+        "find",
+        root.folder,
+        "-xdev",
+        "-iname",
+        "*rtpm*",
+        "-not",
+        "-path",
+        f"{root.path(ENVIRONMENT['HOME'])}/*",
+        "-not",
+        "-path",
+        f"{root.folder}/tmp/*",
+        "-not",
+        "-path",
+        f"{root.folder}/var/cache/man/*",
+        "-not",
+        "-name",
+        "libgstrtpmanager.so",
+    ).splitlines()
+    states = root.run(
+        "dpkg-query --show --showformat='${Package} ${db:Status-Abbrev}\\n' | grep rtpm || true"
+    )
     if left or states:
         raise Failure("a purge leaves: " + "; ".join([*left, *states.splitlines()]))
 
 
-def main():
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--packages", type=Path, required=True, help="the folder of the packages")
     cache = parser.parse_args().packages
@@ -246,7 +324,10 @@ def main():
         judge_units(root)
     is_booted = shutil.which("systemd-nspawn") is not None
     if is_booted:
-        with Step("booted, and ran, restarted and killed the services"), Machine(root, cache / "boot.log") as machine:
+        with (
+            Step("booted, and ran, restarted and killed the services"),
+            Machine(root, cache / "boot.log") as machine,
+        ):
             is_booted = machine.boots()
             if is_booted:
                 try_services(machine)
@@ -256,8 +337,11 @@ def main():
         purge(root, [package.name.split("_")[0] for package in packages])
     clear(root.folder)
     if not is_booted:
-        skip(TEST, "all else holds, but no service ran: systemd-nspawn is not installed (systemd-container), or boots "
-                   f"nothing here, see {cache / 'boot.log'}")
+        skip(
+            TEST,
+            "all else holds, but no service ran: systemd-nspawn is not installed (systemd-container), or boots "
+            f"nothing here, see {cache / 'boot.log'}",
+        )
     print("all packages hold")
 
 
