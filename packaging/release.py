@@ -1,15 +1,13 @@
 #!/usr/bin/env python3
-"""Checks and describes a release: one version everywhere, its parts, its checksums.
+"""Checks and describes a release: one version everywhere, and its parts.
 
 release.py versions            fails unless all packages have the version of CMakeLists.txt
 release.py sbom OUT [FILE …]   writes the bill of materials, CycloneDX 1.5; fails if one of the
                                programs FILE loads a library that components.json lacks
-release.py checksums FOLDER    writes FOLDER/SHA256SUMS
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 import subprocess
@@ -146,15 +144,6 @@ def bill_of_materials(programs: list[Path]) -> dict[str, Any]:
     }
 
 
-def write_checksums(folder: Path) -> None:
-    lines = [
-        f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n"
-        for file in sorted(folder.iterdir())
-        if file.is_file() and file.name != "SHA256SUMS"
-    ]
-    (folder / "SHA256SUMS").write_text("".join(lines))
-
-
 def main(arguments: list[str]) -> int:
     match arguments:
         case ["versions"]:
@@ -162,8 +151,6 @@ def main(arguments: list[str]) -> int:
         case ["sbom", out, *programs]:
             bill = bill_of_materials([Path(program) for program in programs])
             Path(out).write_text(json.dumps(bill, indent=2) + "\n")
-        case ["checksums", folder]:
-            write_checksums(Path(folder))
         case _:
             print(__doc__, file=sys.stderr)
             return 2
