@@ -290,6 +290,20 @@ function(rtpm_portable_test test)
     ENVIRONMENT_MODIFICATION "RTPM_KEYS=set:${CMAKE_CURRENT_BINARY_DIR}/no-keys")
 endfunction()
 
+# rtpm_python_checks(NAME name SOURCES folder… [TYPED folder…] [MYPY option…])
+# Adds the tests name.format and name.lint of the sources, and name.mypy of those of TYPED, else of all.
+function(rtpm_python_checks)
+  cmake_parse_arguments(PARSE_ARGV 0 A "" "NAME" "SOURCES;TYPED;MYPY")
+  if(NOT A_TYPED)
+    set(A_TYPED ${A_SOURCES})
+  endif()
+  add_test(NAME ${A_NAME}.mypy COMMAND ${Python_EXECUTABLE} -B -m mypy --config-file "${rtpm_SOURCE_DIR}/pyproject.toml"
+    --cache-dir "${CMAKE_BINARY_DIR}/mypy/${A_NAME}" ${A_MYPY} ${A_TYPED})
+  add_test(NAME ${A_NAME}.format COMMAND ${Python_EXECUTABLE} -m ruff format --no-cache --check ${A_SOURCES})
+  add_test(NAME ${A_NAME}.lint COMMAND ${Python_EXECUTABLE} -m ruff check --no-cache ${A_SOURCES})
+  set_tests_properties(${A_NAME}.mypy ${A_NAME}.format ${A_NAME}.lint PROPERTIES LABELS python TIMEOUT 300)
+endfunction()
+
 # rtpm_npm_peer(test): gives a test the code of others in the folder `peer`, whose npm packages it
 # installs by rtpm/test/npm_peer.hpp. A changed peer is installed anew.
 function(rtpm_npm_peer test)
