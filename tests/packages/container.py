@@ -53,7 +53,7 @@ class Container:
             case "COPY":
                 self.copy(argument.split())
             case "RUN":
-                self.root.run(f"export DEBIAN_FRONTEND=noninteractive; {argument}")
+                self.root.run(argument)
             case "USER":
                 self.user = argument
             case "WORKDIR":

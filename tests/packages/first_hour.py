@@ -11,25 +11,22 @@ import argparse
 import os
 import shutil
 import sys
-import time
 from pathlib import Path
 
-from root import Failure, Root, Step, clear, make_root, require, run, skip
+from root import (
+    DEMO_SECONDS_MAX,
+    Failure,
+    Root,
+    Step,
+    clear,
+    expect_demo,
+    make_root,
+    require,
+    run,
+    skip,
+)
 
 SOURCE = Path(__file__).resolve().parents[2]
-DEMO_SECONDS_MAX = 60
-
-
-def expect_demo(root: Root, command: str, seconds_max: float) -> None:
-    """The command shows the laboratory for 3 s; prints how long it took beside them."""
-    begin = time.monotonic()
-    said = root.run(f"{command} --seconds 3")
-    seconds = time.monotonic() - begin - 3
-    if "lab/arm0" not in said or "p99" not in said:
-        raise Failure(f"{command} shows no laboratory: {said}")
-    print(f"           {command}: the laboratory came up and went in {seconds:.1f} s", flush=True)
-    if seconds > seconds_max:
-        raise Failure(f"{command} took {seconds:.0f} s, more than {seconds_max:.0f} s")
 
 
 def trust_this_machines_proxy(root: Root) -> None:

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from typing import NoReturn
 
+DEMO_SECONDS_MAX = 60
 TOOLS = {"mmdebstrap": "mmdebstrap", "zstd": "zstd"}
 ENVIRONMENT = {
     "DEBIAN_FRONTEND": "noninteractive",
@@ -108,6 +109,19 @@ class Root:
 
     def path(self, path: str) -> Path:
         return self.folder / path.lstrip("/")
+
+
+def expect_demo(root: Root, command: str, seconds_max: float) -> None:
+    """The command shows the laboratory for 5 s; prints how long it took beside them."""
+    begin = time.monotonic()
+    # The demo runs for 5 s from when all of it serves.
+    said = root.run(f"{command} --seconds 5")
+    seconds = time.monotonic() - begin - 5
+    if "lab/arm0" not in said or "p99" not in said:
+        raise Failure(f"{command} shows no laboratory: {said}")
+    print(f"           {command}: its laboratory came up and went in {seconds:.1f} s", flush=True)
+    if seconds > seconds_max:
+        raise Failure(f"{command} took {seconds:.0f} s, more than {seconds_max:.0f} s")
 
 
 def clear(folder: Path) -> None:

@@ -15,14 +15,26 @@ import sys
 import time
 from pathlib import Path
 
-from root import ENVIRONMENT, Failure, Root, Step, clear, found, make_root, require, run, skip
+from root import (
+    DEMO_SECONDS_MAX,
+    ENVIRONMENT,
+    Failure,
+    Root,
+    Step,
+    clear,
+    expect_demo,
+    found,
+    make_root,
+    require,
+    run,
+    skip,
+)
 
 TEST = "packages.system"
 HERE = Path(__file__).resolve().parent
 SERVICES = ("rtpm-registryd", "rtpm-eventd", "rtpm-deviced", "rtpm-console")
 UNITS = (*SERVICES, "rtpm-camerad")
 EXPOSURE_MAX = 3.0
-DEMO_SECONDS_MAX = 60
 # The root before RTPM: systemd, compilers for the programs that use the packages, and what
 # rtpm-daemons recommends for cameras.
 BASE_PACKAGES = (
@@ -59,17 +71,7 @@ def try_programs(root: Root) -> None:
     for page in ("rtpm", "rtpm-deviced", "rtpmc"):
         if "NAME" not in root.run(f"man {page}"):
             raise Failure(f"the manual page of {page} is not there")
-    # The demo runs for 5 s from when all of it serves.
-    begin = time.monotonic()
-    said = root.run("rtpm demo --seconds 5")
-    seconds = time.monotonic() - begin - 5
-    if "lab/arm0" not in said or "p99" not in said:
-        raise Failure(f"the demo shows no laboratory: {said}")
-    if seconds > DEMO_SECONDS_MAX:
-        raise Failure(
-            f"the demo needs {seconds:.0f} s to come up and go, more than {DEMO_SECONDS_MAX} s"
-        )
-    print(f"           rtpm demo: its laboratory comes up and goes in {seconds:.1f} s", flush=True)
+    expect_demo(root, "rtpm demo", DEMO_SECONDS_MAX)
 
 
 def try_libraries(root: Root) -> None:
