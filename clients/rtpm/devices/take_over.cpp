@@ -38,16 +38,33 @@ bool is_rearmed(const driver::Sample& sample) {
   return !sample.faults.has(driver::Fault::kEmergencyStop);
 }
 
+/// Describes the device for people.
+std::string standing_of(const driver::Sample& sample) {
+  return "it is " + std::string(to_string(sample.lifecycle)) +
+         ", faults: " + to_text(sample.faults);
+}
+
+/// Describes the obstacle to the force of a recovered device; empty if nothing stops it.
+std::string obstacle_of(const driver::Sample& sample) {
+  if (sample.faults.has(driver::Fault::kEmergencyStop)) {
+    return "no fault is latched, but the emergency stop holds its force back; to end it: rtpm "
+           "take-over DEVICE rearm";
+  }
+  return is_active(sample) ? std::string() : "no fault is latched, but " + standing_of(sample);
+}
+
 struct Transition {
   std::string_view name{};
   gvd::DeviceResult (gvd::DeviceClient::*run)() = nullptr;
   bool (*has_effect)(const driver::Sample& sample) = nullptr;
   const char* state = "";  ///< The state in JSON.
   const char* sentence = "";
+  /// Describes a state that makes the sentence untrue; empty if there is none.
+  std::string (*obstacle)(const driver::Sample& sample) = nullptr;
 };
 constexpr std::array kTransitions{
     Transition{"recover", &gvd::DeviceClient::recover, &is_recovered, "recovered",
-               "has recovered: no fault holds its force back"},
+               "has recovered: no fault holds its force back", &obstacle_of},
     Transition{"activate", &gvd::DeviceClient::activate, &is_active, "active", "is active"},
     Transition{"deactivate", &gvd::DeviceClient::deactivate, &is_inactive, "inactive",
                "is inactive: it applies no force until it is activated"},
@@ -75,20 +92,6 @@ std::string why_not(const gvd::DeviceClient& device, gvd::DeviceError error) {
   return "was not taken over: " + std::string(to_string(error));
 }
 
-/// The device's state, as text for a user.
-std::string standing_of(const driver::Sample& sample) {
-  return "it is " + std::string(to_string(sample.lifecycle)) +
-         ", faults: " + to_text(sample.faults);
-}
-
-/// The reason why a recovered device still applies no force; empty if there is none.
-std::string hindrance_of(const driver::Sample& sample) {
-  if (sample.faults.has(driver::Fault::kEmergencyStop)) {
-    return "the emergency stop holds its force back; to end it: rtpm take-over DEVICE rearm";
-  }
-  return is_active(sample) ? std::string() : standing_of(sample);
-}
-
 /// Requests the transition, and waits until the device's samples show it.
 /// @return the exit code
 int perform(Context& context, gvd::DeviceClient& device, const std::string& name,
@@ -101,9 +104,8 @@ int perform(Context& context, gvd::DeviceClient& device, const std::string& name
   while (true) {
     const auto sample = device.read();
     if (sample && transition.has_effect(*sample)) {
-      if (transition.has_effect == &is_recovered && !hindrance_of(*sample).empty()) {
-        return fail(context, name, prefix + "no fault is latched, but " + hindrance_of(*sample));
-      }
+      const std::string obstacle = transition.obstacle ? transition.obstacle(*sample) : "";
+      if (!obstacle.empty()) return fail(context, name, prefix + obstacle);
       tell(context, name, transition.state, transition.sentence);
       return kDone;
     }
