@@ -1,8 +1,7 @@
 """What Sphinx does not know of RTPM's tree: anchors of the specification, texts of its programs.
 
-Markdown is rewritten as it is read: `<!-- generated: NAME -->` becomes the text of a
-function below, a link
-to a folder one to its README, and a picture for light and dark a pair of images.
+Markdown is rewritten as it is read: `<!-- generated: NAME -->` becomes the text of a function below,
+a link to a folder one to its README, and a picture for light and dark a pair of images.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ TREE = Path(__file__).resolve().parents[2]
 ENVIRONMENT = TREE / "build" / "docs-python"
 SKIPPED = "[  SKIPPED ] needs"
 CLICKS_MAX = 2
-#: Of `rtpm.css` and its like; a page shows nothing from elsewhere, so that it works without a network.
+#: A reference to another site. No page has one, so that each works without a network.
 FOREIGN = re.compile(r"<(?:script|link|img)[^>]*(?:src|href)=\"(?:https?:)?//[^\"]*\"")
 
 

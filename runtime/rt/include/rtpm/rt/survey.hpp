@@ -40,8 +40,8 @@ struct InterruptFacts {
 struct HostFiles {
   bool is_realtime_kernel = false;
   bool is_virtual_machine = false;
-  std::string container{};     ///< Its kind, such as "docker"; empty if this is none.
-  std::string clock_source{};  ///< "tsc"; empty if unknown.
+  std::string container{};                    ///< Its kind, such as "docker"; empty outside of one.
+  std::string clock_source{};                 ///< "tsc"; empty if unknown.
   std::vector<FrequencyFacts> frequencies{};  ///< One for each CPU that has a governor.
   std::string idle_driver{};                  ///< "intel_idle"; empty if there is none.
   std::vector<IdleStateFacts> idle_states{};  ///< The states of all CPUs, without duplicates.
